@@ -1,0 +1,255 @@
+//! The contract between whoever has a noisy picture and the denoiser.
+//!
+//! Everything is per pixel, row major, top row first, all planes of one size. Colour is linear,
+//! scene-referred RGB of any scale. **Variances are variances of the mean**: the expected squared
+//! error of the stored pixel, not of one sample. Values may be NaN, infinite or negative: the first
+//! stage repairs and counts them.
+
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::{Plane, Rgb};
+
+/// What a feature buffer describes; the name under which reports and maps list it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum FeatureKind {
+    /// Surface normal, 3 planes, any space.
+    Normal,
+    /// Texture: reflectance at the first (rough) hit, 3 planes.
+    Albedo,
+    /// Distance from the camera, 1 plane.
+    Depth,
+    /// Fraction of light samples that reach their light, 1 plane.
+    Visibility,
+    /// Hit point, 3 planes, any space.
+    Position,
+    /// Anything else that may explain the picture, 1 plane or more.
+    Other,
+}
+
+/// A feature buffer: one or more planes that describe what the pixel sees.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Feature {
+    /// The name in reports and messages.
+    pub name: String,
+    /// What it describes.
+    pub kind: FeatureKind,
+    /// The mean over the pixel's samples, one plane per component.
+    pub planes: Vec<Plane>,
+    /// Variance of that mean, one plane per component.
+    pub var_of_mean: Option<Vec<Plane>>,
+    /// Means of the two independent halves of the samples.
+    pub halves: Option<[Vec<Plane>; 2]>,
+}
+
+impl Feature {
+    /// A feature without variance.
+    pub fn new(name: impl Into<String>, kind: FeatureKind, planes: Vec<Plane>) -> Self {
+        Self { name: name.into(), kind, planes, var_of_mean: None, halves: None }
+    }
+}
+
+/// A further picture that belongs to the beauty (an AOV, a light group): it goes through the very
+/// operator that the beauty chose, so that what sums before sums after.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Aov {
+    /// The name in reports and messages.
+    pub name: String,
+    /// Linear RGB, in the beauty's units.
+    pub color: Rgb,
+}
+
+/// A noisy picture with everything known about it. Built from the colour by [`Frame::new`] and the
+/// `with_…` methods, each of which checks sizes, so that the stages need not.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    color: Rgb,
+    color_var_of_mean: Option<Rgb>,
+    halves: Option<[Rgb; 2]>,
+    features: Vec<Feature>,
+    aovs: Vec<Aov>,
+    spp: Option<f32>,
+}
+
+impl Frame {
+    /// A frame of colour alone.
+    ///
+    /// # Errors
+    /// When the three planes differ in size or have no pixel.
+    pub fn new(color: Rgb) -> Result<Self> {
+        let frame =
+            Self { color, color_var_of_mean: None, halves: None, features: vec![], aovs: vec![], spp: None };
+        if frame.width() == 0 || frame.height() == 0 {
+            return Err(Error::new(ErrorKind::Lacking, "the picture has no pixel"));
+        }
+        frame.check("color", &frame.color)?;
+        Ok(frame)
+    }
+
+    /// Adds the variance of the colour's mean.
+    ///
+    /// # Errors
+    /// When a plane differs from the colour in size.
+    pub fn with_variance_of_mean(mut self, var_of_mean: Rgb) -> Result<Self> {
+        self.check("variance", &var_of_mean)?;
+        self.color_var_of_mean = Some(var_of_mean);
+        Ok(self)
+    }
+
+    /// Adds the means of two independent halves of the samples; their average is the colour.
+    ///
+    /// # Errors
+    /// When a plane differs from the colour in size.
+    pub fn with_halves(mut self, halves: [Rgb; 2]) -> Result<Self> {
+        self.check("half buffer A", &halves[0])?;
+        self.check("half buffer B", &halves[1])?;
+        self.halves = Some(halves);
+        Ok(self)
+    }
+
+    /// Adds a feature buffer.
+    ///
+    /// # Errors
+    /// When it has no plane, or a plane differs from the colour in size, or its variance or halves
+    /// have another number of planes.
+    pub fn with_feature(mut self, feature: Feature) -> Result<Self> {
+        let count = feature.planes.len();
+        let wrong = |what: &str, got: usize| {
+            Error::new(ErrorKind::Lacking, format!("{what} has {got} planes where {count} were expected"))
+                .in_channel(&feature.name)
+        };
+        if count == 0 {
+            return Err(Error::new(ErrorKind::Lacking, "the feature has no plane").in_channel(&feature.name));
+        }
+        self.check(&feature.name, &feature.planes)?;
+        if let Some(variance) = &feature.var_of_mean {
+            if variance.len() != count {
+                return Err(wrong("the variance", variance.len()));
+            }
+            self.check(&feature.name, variance)?;
+        }
+        for half in feature.halves.iter().flatten() {
+            if half.len() != count {
+                return Err(wrong("a half buffer", half.len()));
+            }
+            self.check(&feature.name, half)?;
+        }
+        self.features.push(feature);
+        Ok(self)
+    }
+
+    /// Adds a picture to be denoised by the beauty's operator.
+    ///
+    /// # Errors
+    /// When a plane differs from the colour in size.
+    pub fn with_aov(mut self, aov: Aov) -> Result<Self> {
+        self.check(&aov.name, &aov.color)?;
+        self.aovs.push(aov);
+        Ok(self)
+    }
+
+    /// States the samples per pixel.
+    #[must_use]
+    pub fn with_spp(mut self, spp: f32) -> Self {
+        self.spp = Some(spp);
+        self
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.color[0].width()
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.color[0].height()
+    }
+
+    /// The noisy colour.
+    pub fn color(&self) -> &Rgb {
+        &self.color
+    }
+
+    /// The variance of the colour's mean, where known.
+    pub fn color_var_of_mean(&self) -> Option<&Rgb> {
+        self.color_var_of_mean.as_ref()
+    }
+
+    /// The means of the two independent halves of the samples, where known.
+    pub fn halves(&self) -> Option<&[Rgb; 2]> {
+        self.halves.as_ref()
+    }
+
+    /// The feature buffers, in the order they were added.
+    pub fn features(&self) -> &[Feature] {
+        &self.features
+    }
+
+    /// The pictures that go through the beauty's operator.
+    pub fn aovs(&self) -> &[Aov] {
+        &self.aovs
+    }
+
+    /// Samples per pixel, where known.
+    pub fn spp(&self) -> Option<f32> {
+        self.spp
+    }
+
+    fn check(&self, name: &str, planes: &[Plane]) -> Result<()> {
+        let expected = self.color[0].size();
+        match planes.iter().find(|plane| plane.size() != expected) {
+            None => Ok(()),
+            Some(plane) => Err(Error::new(
+                ErrorKind::Lacking,
+                format!(
+                    "is {}×{} where the colour is {}×{}",
+                    plane.width(),
+                    plane.height(),
+                    expected.0,
+                    expected.1
+                ),
+            )
+            .in_channel(name)),
+        }
+    }
+}
+
+/// A denoised picture with what is known about its error.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Denoised {
+    /// The reconstructed colour.
+    pub color: Rgb,
+    /// The frame's further pictures, through the same operator, in the same order.
+    pub aovs: Vec<Aov>,
+    /// Estimated mean squared error of `color`, averaged over its channels; never negative.
+    pub mse: Plane,
+    /// Polynomial order that was chosen, averaged over the fits that cover the pixel: 0 to 3.
+    pub order: Plane,
+    /// What happened on the way.
+    pub summary: Summary,
+}
+
+/// Counts and decisions of one run, for the report.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+pub struct Summary {
+    /// Pixels whose colour was NaN or infinite and was repaired from its neighbours.
+    pub repaired_color: usize,
+    /// Pixels whose colour was negative in some channel (kept, for they may be right, but counted).
+    pub negative_color: usize,
+    /// Pixels whose variance was NaN, infinite or negative and was replaced.
+    pub repaired_variance: usize,
+    /// Samples of features that were NaN or infinite and were replaced.
+    pub repaired_features: usize,
+    /// Outliers that were taken out before the fit.
+    pub outliers: usize,
+    /// Energy (sum of the channels) taken out with them and given back after the fit.
+    pub energy_moved: [f64; 3],
+    /// Centres fitted, over all stages and candidates.
+    pub centres: usize,
+    /// Of those, centres that the coverage test added to the grid.
+    pub coverage_centres: usize,
+    /// How often each order 0..=3 was the best, over the last stage's centres.
+    pub orders: [usize; 4],
+    /// Columns of the features that the fit uses.
+    pub columns: Vec<String>,
+    /// Things done without or left out, each with its reason.
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,127 @@
+//! Picture buffers: one `f32` plane per channel, row by row from the top left.
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// A rectangle of pixels, in the coordinates of the picture it is cut from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// Leftmost column.
+    pub x: usize,
+    /// Topmost row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+/// One channel of a picture: `width × height` samples, row major, top row first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plane {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+/// A linear RGB picture: three planes of one size.
+pub type Rgb = [Plane; 3];
+
+impl Plane {
+    /// A plane filled with `value`.
+    pub fn filled(width: usize, height: usize, value: f32) -> Self {
+        Self { width, height, data: vec![value; width * height] }
+    }
+
+    /// Takes `data` as a plane.
+    ///
+    /// # Errors
+    /// When `data` does not hold exactly `width × height` samples.
+    pub fn from_vec(width: usize, height: usize, data: Vec<f32>) -> Result<Self> {
+        if Some(data.len()) != width.checked_mul(height) {
+            return Err(Error::new(
+                ErrorKind::Lacking,
+                format!("{} samples for a plane of {width}×{height}", data.len()),
+            ));
+        }
+        Ok(Self { width, height, data })
+    }
+
+    /// A plane whose sample at column `x` and row `y` is `f(x, y)`.
+    pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> f32) -> Self {
+        let mut data = Vec::with_capacity(width * height);
+        for y in 0..height {
+            data.extend((0..width).map(|x| f(x, y)));
+        }
+        Self { width, height, data }
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// All samples, row by row.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// All samples, row by row, to change.
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    /// The samples, the plane given up.
+    pub fn into_vec(self) -> Vec<f32> {
+        self.data
+    }
+
+    /// Row `y`.
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.data[y * self.width..(y + 1) * self.width]
+    }
+
+    /// The sample at column `x`, row `y`.
+    pub fn get(&self, x: usize, y: usize) -> f32 {
+        debug_assert!(x < self.width);
+        self.data[y * self.width + x]
+    }
+
+    /// A copy of the part of the plane under `rect`, which must lie inside it.
+    pub fn crop(&self, rect: Rect) -> Self {
+        Self::from_fn(rect.width, rect.height, |x, y| self.get(rect.x + x, rect.y + y))
+    }
+}
+
+/// A black picture.
+pub fn black(width: usize, height: usize) -> Rgb {
+    std::array::from_fn(|_| Plane::filled(width, height, 0.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_columns_and_crops_of_a_picture_that_is_not_square() {
+        let plane = Plane::from_fn(5, 3, |x, y| (10 * y + x) as f32);
+        assert_eq!(plane.get(4, 2), 24.0);
+        assert_eq!(plane.row(1), &[10.0, 11.0, 12.0, 13.0, 14.0]);
+        let cut = plane.crop(Rect { x: 3, y: 1, width: 2, height: 2 });
+        assert_eq!(cut.data(), &[13.0, 14.0, 23.0, 24.0]);
+    }
+
+    #[test]
+    fn a_wrong_number_of_samples_is_an_error() {
+        assert!(Plane::from_vec(2, 3, vec![0.0; 5]).is_err());
+    }
+}

@@ -1,0 +1,12 @@
+//! Adaptive Polynomial Rendering (Moon et al. 2016): a denoiser for Monte Carlo renders.
+
+pub mod denoise;
+pub mod error;
+pub mod frame;
+pub mod image;
+pub mod options;
+
+pub use denoise::denoise;
+pub use error::{Error, ErrorKind, Result};
+pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
+pub use options::Options;
