@@ -4,6 +4,7 @@ pub mod denoise;
 pub mod error;
 pub mod frame;
 pub mod image;
+pub mod io;
 pub mod options;
 
 pub use denoise::denoise;

@@ -1,0 +1,54 @@
+//! Blocks of samples into compressed chunks, a batch at a time on all threads.
+
+use std::io::{Seek, Write};
+
+use exr::block::writer::{ChunkWriter, ChunksWriter};
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::header::Header;
+use rayon::prelude::*;
+
+use crate::error::{Error, ErrorKind};
+
+/// Blocks that are compressed together: enough to keep the threads busy, few enough to be a small
+/// share of the memory.
+pub(super) const BATCH: usize = 64;
+
+/// Writes `blocks`, each with its index in its header, in their order. Compression runs on rayon's
+/// current threads; the order in the file does not depend on them.
+///
+/// # Errors
+/// When a block does not fit its header or the disk is full.
+pub(super) fn write_blocks<W: Write + Seek>(
+    writer: &mut ChunkWriter<W>,
+    headers: &[Header],
+    blocks: Vec<(usize, UncompressedBlock)>,
+) -> exr::error::UnitResult {
+    let chunks: Vec<_> = blocks
+        .into_par_iter()
+        .map(|(index, block)| block.compress_to_chunk(headers).map(|chunk| (index, chunk)))
+        .collect();
+    for chunk in chunks {
+        let (index, chunk) = chunk?;
+        writer.write_chunk(index, chunk)?;
+    }
+    Ok(())
+}
+
+/// The block at `index` whose line of channel `c` at row `y` is filled by `line(c, x, y, bytes)`,
+/// with samples in the machine's own byte order.
+pub(super) fn block_from_lines(
+    header: &Header,
+    index: BlockIndex,
+    mut line: impl FnMut(usize, usize, usize, &mut [u8]),
+) -> UncompressedBlock {
+    UncompressedBlock::from_lines(&header.channels, index, |target| {
+        let at = target.location;
+        line(at.channel, at.position.x(), at.position.y(), target.value);
+    })
+}
+
+/// An error of the EXR encoder as ours.
+pub(super) fn encode_error(error: &exr::error::Error) -> Error {
+    Error::new(ErrorKind::Unwritable, format!("cannot be written: {error}"))
+        .remedy("check that the disk has room")
+}
