@@ -5,7 +5,10 @@ pub mod error;
 pub mod frame;
 pub mod image;
 pub mod io;
+pub mod metrics;
 pub mod options;
+pub mod report;
+pub mod tone;
 
 pub use denoise::denoise;
 pub use error::{Error, ErrorKind, Result};
