@@ -2,13 +2,24 @@
 //!
 //! A result is written to a temporary file in the folder of its target and renamed over it, which
 //! every file system does in one step. The temporary file is locked while its writer lives, so that
-//! a later run can tell the rubbish of a killed run from the work of a live one.
+//! a later run can tell what a killed run left from the work of a live one, and remove it.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, ErrorKind, Result};
+
+/// The ending of temporary files.
+const ENDING: &str = ".apr-tmp";
+
+/// Temporary files of this process, for [`abandon_temporaries`]. A rename happens under this lock.
+static LIVE: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn live() -> MutexGuard<'static, Vec<PathBuf>> {
+    LIVE.lock().unwrap_or_else(PoisonError::into_inner) // a list of names cannot be left half-changed
+}
 
 /// Writes `target` by `write`, which gets the temporary file; `target` keeps its old content until
 /// everything is written and on the disk.
@@ -20,30 +31,122 @@ pub(super) fn write_atomically(
     target: &Path,
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
 ) -> Result<()> {
+    remove_strays(target);
     let temporary = temporary_name(target);
-    let result = fill(&temporary, write).and_then(|()| {
-        fs::rename(&temporary, target).map_err(|error| cannot_write(&error, "cannot take its place"))
+    live().push(temporary.clone());
+    let result = fill(&temporary, write).and_then(|file| {
+        let names = live(); // from here on a signal must wait: the file is the result now
+        let renamed = fs::rename(&temporary, target);
+        drop((names, file));
+        renamed.map_err(|error| cannot_write(&error))
     });
     if result.is_err() {
         let _ = fs::remove_file(&temporary); // the first error is the one to tell
     }
+    live().retain(|name| *name != temporary);
     result.map_err(|error| error.in_file(target))
 }
 
-fn fill(temporary: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<()> {
-    let file = File::create(temporary).map_err(|error| cannot_write(&error, "cannot be created"))?;
+/// Writes `bytes` as the file at `path`, which appears whole or not at all.
+///
+/// # Errors
+/// When the folder takes no new file or the disk is full; an old file is then unharmed.
+pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    write_atomically(path.as_ref(), |file| file.write_all(bytes).map_err(|error| cannot_write(&error)))
+}
+
+/// Removes the temporary files that this process is writing, and keeps it from renaming any: for a
+/// program that is told to stop and exits at once. Blocks every later write for good.
+pub fn abandon_temporaries() {
+    let names = live();
+    for name in names.iter() {
+        let _ = fs::remove_file(name); // it may not exist yet
+    }
+    std::mem::forget(names);
+}
+
+fn fill(temporary: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<File> {
+    let file = File::create(temporary).map_err(|error| cannot_write(&error))?;
+    let _ = file.try_lock(); // some network file systems have no locks; then strays merely stay
     let mut buffered = BufWriter::with_capacity(1 << 20, &file);
     write(&mut buffered)?;
-    buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error, "cannot be written"))
+    buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error))?;
+    drop(buffered);
+    Ok(file)
 }
 
 /// `.NAME.PROCESS.apr-tmp` beside the target.
 fn temporary_name(target: &Path) -> PathBuf {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
-    target.with_file_name(format!(".{name}.{}.apr-tmp", std::process::id()))
+    target.with_file_name(format!(".{name}.{}{ENDING}", std::process::id()))
 }
 
-pub(super) fn cannot_write(error: &std::io::Error, what: &str) -> Error {
-    Error::new(ErrorKind::Unwritable, format!("{what}: {error}"))
+/// Removes what killed runs for the same target left: temporary files that nobody holds locked.
+fn remove_strays(target: &Path) {
+    let start = format!(".{}.", target.file_name().unwrap_or_default().to_string_lossy());
+    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let process = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(ENDING));
+        if process.is_some_and(|id| !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_digit())) {
+            let free = File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
+            if free {
+                let _ = fs::remove_file(entry.path()); // another run may have been faster
+            }
+        }
+    }
+}
+
+fn cannot_write(error: &std::io::Error) -> Error {
+    Error::new(ErrorKind::Unwritable, format!("cannot be written: {error}"))
         .remedy("check that the folder exists, may be written to, and has room")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let name = |entry: std::io::Result<fs::DirEntry>| entry.unwrap().file_name().into_string().unwrap();
+        let mut names: Vec<_> = fs::read_dir(folder).unwrap().map(name).collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn the_old_content_stays_until_the_new_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.exr");
+        fs::write(&target, "old").unwrap();
+        let failed = write_atomically(&target, |file| {
+            file.write_all(b"half").unwrap();
+            Err(Error::new(ErrorKind::Internal, "stopped"))
+        });
+        assert_eq!(failed.unwrap_err().file(), Some(target.as_path()));
+        assert_eq!(fs::read(&target).unwrap(), b"old");
+        write_atomically(&target, |file| Ok(file.write_all(b"new").unwrap())).unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"new");
+        assert_eq!(names(folder.path()), ["out.exr"]);
+    }
+
+    #[test]
+    fn strays_of_killed_runs_go_and_live_ones_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in [".out.exr.1.apr-tmp", ".out.exr.2.apr-tmp", ".out.exr.x.apr-tmp", ".other.exr.1.apr-tmp"]
+        {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        let live = File::create(folder.path().join(".out.exr.2.apr-tmp")).unwrap();
+        live.lock().unwrap();
+        write_atomically(&folder.path().join("out.exr"), |_| Ok(())).unwrap();
+        let left = [".other.exr.1.apr-tmp", ".out.exr.2.apr-tmp", ".out.exr.x.apr-tmp", "out.exr"];
+        assert_eq!(names(folder.path()), left);
+    }
+
+    #[test]
+    fn a_missing_folder_is_told_with_the_file() {
+        let error = write_atomically(Path::new("/nonexistent/a.exr"), |_| Ok(())).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Unwritable);
+        assert!(error.to_string().starts_with("/nonexistent/a.exr: cannot be written"), "{error}");
+    }
 }

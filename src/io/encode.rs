@@ -47,8 +47,22 @@ pub(super) fn block_from_lines(
     })
 }
 
-/// An error of the EXR encoder as ours.
-pub(super) fn encode_error(error: &exr::error::Error) -> Error {
-    Error::new(ErrorKind::Unwritable, format!("cannot be written: {error}"))
-        .remedy("check that the disk has room")
+/// One of our errors on its way through the EXR encoder.
+pub(super) fn through_encoder(error: Error) -> exr::error::Error {
+    exr::error::Error::Io(std::io::Error::other(error))
+}
+
+/// What comes out of the EXR encoder: our own error, or one of the encoder or the disk.
+pub(super) fn encode_error(error: exr::error::Error) -> Error {
+    let cannot = |why: String| {
+        Error::new(ErrorKind::Unwritable, format!("cannot be written: {why}"))
+            .remedy("check that the disk has room")
+    };
+    match error {
+        exr::error::Error::Io(error) => match error.downcast::<Error>() {
+            Ok(ours) => ours,
+            Err(error) => cannot(error.to_string()),
+        },
+        other => cannot(other.to_string()),
+    }
 }

@@ -1,24 +1,32 @@
 //! Files: the only module that opens pictures, and the only one that knows OpenEXR.
+//!
+//! [`Picture::read`] makes a [`Frame`](crate::Frame) of whatever a renderer wrote, by the channel map
+//! in `channels.rs`; [`Picture::write`] puts the denoised beauty back and passes everything else
+//! through. [`write_frame`] writes a frame under this project's own names.
 
+mod assemble;
 mod atomic;
+mod channels;
+mod decode;
+mod document;
 mod encode;
+mod evidence;
+mod layers;
+mod layout;
+mod limits;
+mod mapping;
+mod misses;
 mod own;
-mod rgb;
+mod picture;
+mod rewrite;
+mod roles;
+mod siblings;
+mod variance;
 
+pub use atomic::{abandon_temporaries, write_bytes};
+pub use channels::{Renderer, VarianceKind};
+pub use layout::{FileLayout, Layout, PartLayout, RoleLayout};
+pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS};
+pub use mapping::Mapping;
 pub use own::{FrameHeader, write_frame};
-pub use rgb::read_rgb;
-
-use std::io::Write;
-use std::path::Path;
-
-use crate::error::Result;
-
-/// Writes `bytes` as the file at `path`, which appears whole or not at all.
-///
-/// # Errors
-/// When the folder takes no new file or the disk is full; an old file is then unharmed.
-pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
-    atomic::write_atomically(path.as_ref(), |file| {
-        file.write_all(bytes).map_err(|error| atomic::cannot_write(&error, "cannot be written"))
-    })
-}
+pub use picture::{Picture, ReadOptions, read_rgb};

@@ -55,7 +55,7 @@ pub fn write_frame(path: impl AsRef<Path>, frame: &Frame, header: &FrameHeader) 
             }
             Ok(())
         })
-        .map_err(|error| encode_error(&error))
+        .map_err(encode_error)
     })
 }
 

@@ -1,0 +1,208 @@
+//! An open EXR file: its headers, and its blocks on demand.
+//!
+//! Pixels are never held here. What the denoiser needs is decoded into planes by [`super::decode`],
+//! and everything else goes from the input to the output block by block in [`super::rewrite`].
+
+use std::fs::File;
+use std::io::{BufReader, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use exr::block::UncompressedBlock;
+use exr::block::chunk::{Chunk, TileCoordinates};
+use exr::io::PeekRead;
+use exr::meta::attribute::LineOrder;
+use exr::meta::header::Header;
+use exr::meta::{BlockDescription, MetaData, OffsetTables};
+use rayon::prelude::*;
+
+use super::limits;
+use crate::error::{Error, ErrorKind, Result};
+
+/// Bytes of decoded blocks that are in flight at one time: enough to keep the threads busy.
+const BATCH_BYTES: usize = 64 << 20;
+
+/// An EXR file whose headers have been read and checked.
+#[derive(Debug)]
+pub(super) struct Document {
+    path: PathBuf,
+    meta: MetaData,
+    /// Where each block of each part starts, by index in increasing rows.
+    offsets: OffsetTables,
+    /// The header broke a rule; if an attribute could not be parsed it will be missing in a copy.
+    irregular: bool,
+}
+
+impl Document {
+    /// Reads and checks the headers of the file at `path`.
+    ///
+    /// # Errors
+    /// `Unreadable` when it is missing, no EXR file, damaged, beyond the limits, or uses a feature
+    /// that is not supported.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        guarded(|| Self::open_unguarded(path)).map_err(|error| error.in_file(path))
+    }
+
+    fn open_unguarded(path: &Path) -> Result<Self> {
+        let file = File::open(path).map_err(|error| io_error(&error))?;
+        let length = file.metadata().map_err(|error| io_error(&error))?.len();
+        let mut reader = BufReader::new(file);
+        let (meta, irregular) = match MetaData::read_from_buffered(&mut reader, true) {
+            Ok(meta) => (meta, false),
+            Err(strict) => {
+                reader.rewind().map_err(|error| io_error(&error))?;
+                let meta = MetaData::read_from_buffered(&mut reader, false);
+                (meta.map_err(|_| exr_error(&strict))?, true)
+            }
+        };
+        limits::check(&meta.headers, length)?;
+        MetaData::validate(&meta.headers, false).map_err(|error| exr_error(&error))?;
+        let offsets = MetaData::read_offset_tables(&mut PeekRead::new(&mut reader), &meta.headers)
+            .map_err(|error| exr_error(&error))?;
+        Ok(Self { path: path.to_owned(), meta, offsets, irregular })
+    }
+
+    /// The file.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// One header per part.
+    pub(super) fn headers(&self) -> &[Header] {
+        &self.meta.headers
+    }
+
+    /// Whether the header broke a rule, so that a copy may lack a malformed attribute.
+    pub(super) fn is_irregular(&self) -> bool {
+        self.irregular
+    }
+
+    /// The part's name, where it has one.
+    pub(super) fn part_name(&self, part: usize) -> Option<String> {
+        self.meta.headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string)
+    }
+
+    /// Hands all blocks of a part to `take`, in its line order, each with its index in increasing rows.
+    ///
+    /// # Errors
+    /// `Unreadable` when a block is missing or damaged; and what `take` fails with.
+    pub(super) fn for_each_block(
+        &self,
+        part: usize,
+        mut take: impl FnMut(Vec<(usize, UncompressedBlock)>) -> Result<()>,
+    ) -> Result<()> {
+        let block_bytes = self.meta.headers[part].max_block_byte_size().max(1);
+        self.for_each_batch(part, (BATCH_BYTES / block_bytes).max(1), |chunks| {
+            let decompress = |(index, chunk)| Ok((index, self.decompress(chunk)?));
+            let blocks: Result<Vec<_>> = chunks.into_par_iter().map(decompress).collect();
+            take(blocks.map_err(|error| self.place(part, error))?)
+        })
+    }
+
+    /// Hands all blocks of a part to `take`, compressed as they are, in its line order.
+    ///
+    /// # Errors
+    /// As [`Self::for_each_block`].
+    pub(super) fn for_each_chunk(
+        &self,
+        part: usize,
+        mut take: impl FnMut(usize, Chunk) -> Result<()>,
+    ) -> Result<()> {
+        self.for_each_batch(part, 1, |chunks| {
+            chunks.into_iter().try_for_each(|(index, chunk)| take(index, chunk))
+        })
+    }
+
+    fn for_each_batch(
+        &self,
+        part: usize,
+        batch: usize,
+        mut take: impl FnMut(Vec<(usize, Chunk)>) -> Result<()>,
+    ) -> Result<()> {
+        let file = File::open(&self.path).map_err(|error| self.place(part, io_error(&error)))?;
+        let mut reader = BufReader::new(file);
+        let mut order: Vec<usize> = (0..self.offsets[part].len()).collect();
+        if self.meta.headers[part].line_order == LineOrder::Decreasing {
+            order.reverse();
+        }
+        for indices in order.chunks(batch) {
+            let read = |&index: &usize| Ok((index, guarded(|| self.chunk(&mut reader, part, index))?));
+            let chunks: Result<Vec<_>> = indices.iter().map(read).collect();
+            take(chunks.map_err(|error| self.place(part, error))?)?;
+        }
+        Ok(())
+    }
+
+    /// Names the file, and the part where there are several.
+    fn place(&self, part: usize, error: Error) -> Error {
+        match self.part_name(part) {
+            Some(name) if self.meta.headers.len() > 1 => error.in_part(name).in_file(&self.path),
+            _ => error.in_file(&self.path),
+        }
+    }
+
+    /// Reads a block from where the table says it starts, and checks that it is the one.
+    fn chunk(&self, reader: &mut BufReader<File>, part: usize, index: usize) -> Result<Chunk> {
+        let offset = self.offsets[part][index];
+        let position = reader.stream_position().map_err(|error| io_error(&error))?;
+        if position != offset {
+            reader.seek(SeekFrom::Start(offset)).map_err(|error| io_error(&error))?;
+        }
+        let chunk = Chunk::read(reader, &self.meta).map_err(|error| exr_error(&error))?;
+        let header = &self.meta.headers[part];
+        let found = header.get_block_data_indices(&chunk.compressed_block).map_err(|e| exr_error(&e))?;
+        if chunk.layer_index != part || found != block_coordinates(header, index) {
+            return Err(damaged(format!("block {index} is not where the table of blocks says")));
+        }
+        Ok(chunk)
+    }
+
+    fn decompress(&self, chunk: Chunk) -> Result<UncompressedBlock> {
+        guarded(|| {
+            UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|error| exr_error(&error))
+        })
+    }
+}
+
+/// The coordinates of a part's `index`th block in increasing rows.
+fn block_coordinates(header: &Header, index: usize) -> TileCoordinates {
+    let columns = match header.blocks {
+        BlockDescription::ScanLines => 1,
+        BlockDescription::Tiles(tiles) => header.layer_size.width().div_ceil(tiles.tile_size.width()),
+    };
+    TileCoordinates {
+        tile_index: exr::math::Vec2(index % columns, index / columns),
+        level_index: exr::math::Vec2(0, 0),
+    }
+}
+
+/// The decoder is careful with damaged input but not proven: should it panic all the same, the file
+/// is what is at fault, and the program says so.
+fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(read))
+        .unwrap_or_else(|_| Err(damaged("the decoder gave up on its content".into())))
+}
+
+fn damaged(what: String) -> Error {
+    Error::new(ErrorKind::Unreadable, format!("is damaged: {what}")).remedy("write it again")
+}
+
+fn io_error(error: &std::io::Error) -> Error {
+    Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}"))
+        .remedy("check the name and the permissions")
+}
+
+/// An error of the EXR decoder as ours.
+fn exr_error(error: &exr::error::Error) -> Error {
+    match error {
+        exr::error::Error::Io(error) => io_error(error),
+        exr::error::Error::NotSupported(what) => {
+            Error::new(ErrorKind::Unreadable, format!("uses a feature that is not supported: {what}"))
+                .remedy("write it as flat scan lines with ZIP compression")
+        }
+        exr::error::Error::Invalid(what) if what == "file identifier missing" => {
+            Error::new(ErrorKind::Unreadable, "is no OpenEXR file").remedy("name an .exr file")
+        }
+        other => damaged(other.to_string()),
+    }
+}

@@ -1,0 +1,109 @@
+//! What numbers tell where names do not: Mitsuba's users name their layers as they like.
+
+use super::channels::Evidence;
+use crate::image::Plane;
+
+/// Relative difference that half floats and sums in another order may leave.
+const CLOSE: f32 = 0.02;
+/// Below this the difference is absolute.
+const SMALL: f32 = 1e-3;
+/// The share of pixels that must agree: fireflies beyond the half floats' range may not.
+const MOST: f32 = 0.99;
+/// How far a stored unit vector or a share may overshoot 1.
+const OVERSHOOT: f32 = 0.01;
+/// Averaged over a pixel, unit vectors at edges are shorter; most are not.
+const NEARLY_UNIT: f32 = 0.9;
+
+/// Linear Rec. 709 RGB to CIE XYZ.
+const RGB_TO_XYZ: [[f32; 3]; 3] =
+    [[0.412_453, 0.357_58, 0.180_423], [0.212_671, 0.715_16, 0.072_169], [0.019_334, 0.119_193, 0.950_227]];
+
+/// Whether `planes` look as a row of the channel map asks, given the colour.
+pub(super) fn holds(evidence: Evidence, planes: &[&Plane], color: &[&Plane]) -> bool {
+    let comparable = planes.len() == 3 && color.len() == 3;
+    match evidence {
+        Evidence::Name => true,
+        Evidence::EqualsColor => comparable && agrees(planes, |c, i| color[c].data()[i]),
+        Evidence::EqualsColorInXyz => {
+            let xyz = |c: usize, i: usize| (0..3).map(|k| RGB_TO_XYZ[c][k] * color[k].data()[i]).sum();
+            comparable && agrees(planes, xyz)
+        }
+        Evidence::UnitVectors => are_unit_vectors(planes),
+        Evidence::UnitRange => {
+            let inside = |v: &f32| (-OVERSHOOT..=1.0 + OVERSHOOT).contains(v);
+            planes.iter().all(|plane| plane.data().iter().all(inside))
+        }
+    }
+}
+
+fn agrees(planes: &[&Plane], expected: impl Fn(usize, usize) -> f32) -> bool {
+    let count = planes[0].data().len();
+    let close = |i: usize| {
+        planes.iter().enumerate().all(|(c, plane)| {
+            let (got, wanted) = (plane.data()[i], expected(c, i));
+            (got - wanted).abs() <= CLOSE * wanted.abs() + SMALL
+        })
+    };
+    (0..count).filter(|&i| close(i)).count() as f32 >= MOST * count as f32
+}
+
+fn are_unit_vectors(planes: &[&Plane]) -> bool {
+    let (mut hits, mut unit) = (0, 0);
+    for i in 0..planes[0].data().len() {
+        let length = planes.iter().map(|plane| plane.data()[i].powi(2)).sum::<f32>().sqrt();
+        if length.is_nan() || length > 1.0 + OVERSHOOT {
+            return false;
+        }
+        hits += usize::from(length > 0.0);
+        unit += usize::from(length > NEARLY_UNIT);
+    }
+    unit > 0 && 2 * unit >= hits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn planes(f: impl Fn(usize, usize, usize) -> f32) -> [Plane; 3] {
+        std::array::from_fn(|c| Plane::from_fn(9, 7, |x, y| f(c, x, y)))
+    }
+
+    fn shows(evidence: Evidence, planes: &[Plane; 3], color: &[Plane; 3]) -> bool {
+        holds(evidence, &planes.each_ref().map(|p| p), &color.each_ref().map(|p| p))
+    }
+
+    #[test]
+    fn each_kind_of_layer_is_told_from_the_others() {
+        let color = planes(|c, x, y| 0.3 * c as f32 + x as f32 + 0.5 * y as f32);
+        let xyz = planes(|c, x, y| {
+            (0..3).map(|k| RGB_TO_XYZ[c][k] * (0.3 * k as f32 + x as f32 + 0.5 * y as f32)).sum()
+        });
+        let normal = planes(|c, x, _| match (x, c) {
+            (0, _) => 0.0, // a miss
+            (_, 2) => (x as f32 / 9.0).cos(),
+            (_, 0) => (x as f32 / 9.0).sin(),
+            _ => 0.0,
+        });
+        let position = planes(|c, x, y| 0.1 * (x + y + c) as f32);
+        let albedo = planes(|c, x, _| 0.1 * (x + c) as f32);
+        let all = [
+            (Evidence::EqualsColor, [true, false, false, false, false]),
+            (Evidence::EqualsColorInXyz, [false, true, false, false, false]),
+            (Evidence::UnitVectors, [false, false, true, false, false]),
+            (Evidence::UnitRange, [false, false, true, false, true]),
+        ];
+        for (evidence, expected) in all {
+            let layers = [&color, &xyz, &normal, &position, &albedo];
+            assert_eq!(layers.map(|layer| shows(evidence, layer, &color)), expected, "{evidence:?}");
+        }
+    }
+
+    #[test]
+    fn a_copy_may_lack_fireflies_and_have_nothing_finite() {
+        let color = planes(|_, x, y| if (x, y) == (0, 0) { 1e6 } else { 1.0 });
+        let clipped = planes(|_, _, _| 1.0);
+        assert!(!shows(Evidence::EqualsColor, &planes(|_, _, _| f32::NAN), &color));
+        assert!(!shows(Evidence::EqualsColor, &clipped, &planes(|_, x, _| 1.0 + x as f32)));
+        assert!(!shows(Evidence::UnitVectors, &planes(|_, _, _| 0.0), &color), "no surface at all");
+    }
+}

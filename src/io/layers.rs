@@ -1,0 +1,158 @@
+//! The channels of one or more files, gathered into layers.
+
+use exr::meta::header::Header;
+
+use super::channels::{LAYERS, Renderer, Role};
+use super::decode::ChannelAt;
+use super::document::Document;
+
+/// Names of parts that are no layers of their own: their channels are the picture's.
+const NEUTRAL_PARTS: [&str; 7] = ["", "rgba", "rgb", "beauty", "main", "default", "color"];
+
+/// Names without a dot that are components of the nameless layer, not layers of their own.
+const BARE_COMPONENTS: &str = "RGBAXYZUVWTD";
+
+/// A channel's place among all files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub(super) struct Channel {
+    /// Which file; 0 is the one that will be rewritten.
+    pub(super) file: usize,
+    pub(super) at: ChannelAt,
+}
+
+/// Channels that belong together: one name, several components.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Layer {
+    /// Empty for the bare `R,G,B`.
+    pub(super) name: String,
+    /// The view (`left`, `right`) of a stereo file's part.
+    pub(super) view: Option<String>,
+    /// Component names with their places, in the file's order.
+    pub(super) components: Vec<(String, Channel)>,
+}
+
+impl Layer {
+    /// The places of `names`, if all of them are there.
+    pub(super) fn pick(&self, names: &[&str]) -> Option<Vec<Channel>> {
+        let find = |wanted: &&str| {
+            self.components.iter().find(|(name, _)| name.eq_ignore_ascii_case(wanted)).map(|(_, at)| *at)
+        };
+        names.iter().map(find).collect()
+    }
+
+    /// The places of the first of `sets` that is there in full.
+    pub(super) fn pick_first(&self, sets: &[&[&str]]) -> Option<Vec<Channel>> {
+        sets.iter().find_map(|names| self.pick(names))
+    }
+}
+
+/// All layers of `documents`, in the files' order. With `one_file_per_buffer` the bare channels of a
+/// file form a layer of the file's name, less what all names have in common with the first.
+pub(super) fn gather(documents: &[Document], one_file_per_buffer: Option<Renderer>) -> Vec<Layer> {
+    let mut layers: Vec<Layer> = Vec::new();
+    let prefix = one_file_per_buffer.map(|renderer| buffer_prefix(&stem(&documents[0]), renderer));
+    for (file, document) in documents.iter().enumerate() {
+        let file_layer = match &prefix {
+            Some(prefix) => stem(document).strip_prefix(prefix.as_str()).map(str::to_owned),
+            None if file > 0 => Some(stem(document)),
+            None => None,
+        };
+        for (part, header) in document.headers().iter().enumerate() {
+            let view = header.own_attributes.view_name.as_ref().map(ToString::to_string);
+            let part_layer = part_layer(document.headers().len(), header, view.as_deref());
+            for (channel, description) in header.channels.list.iter().enumerate() {
+                let (layer, component) = split_name(&description.name.to_string());
+                let mut name = join(&part_layer, &layer);
+                if name.is_empty() {
+                    name = file_layer.clone().unwrap_or_default();
+                }
+                let at = (component, Channel { file, at: ChannelAt { part, channel } });
+                let same = |layer: &&mut Layer| {
+                    let first = layer.components[0].1;
+                    layer.name == name && (first.file, first.at.part) == (file, part)
+                };
+                match layers.iter_mut().rev().find(same) {
+                    Some(layer) => layer.components.push(at),
+                    None => layers.push(Layer { name, view: view.clone(), components: vec![at] }),
+                }
+            }
+        }
+    }
+    layers
+}
+
+/// The file's name without folder and ending.
+fn stem(document: &Document) -> String {
+    document.path().file_stem().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// What stands in the first file's name before the renderer's name of the colour.
+pub(super) fn buffer_prefix(stem: &str, renderer: Renderer) -> String {
+    let rows = LAYERS.iter().filter(|row| row.renderer == renderer && row.role == Role::Color);
+    let cut = rows.filter_map(|row| {
+        let start = stem.len().checked_sub(row.layer.len())?;
+        stem.get(start..)?.eq_ignore_ascii_case(row.layer).then(|| &stem[..start])
+    });
+    cut.min_by_key(|prefix| prefix.len()).unwrap_or_default().to_owned()
+}
+
+/// The layer that a part stands for.
+fn part_layer(parts: usize, header: &Header, view: Option<&str>) -> String {
+    let Some(name) = header.own_attributes.layer_name.as_ref().filter(|_| parts > 1) else {
+        return String::new();
+    };
+    let mut name = name.to_string();
+    if let Some(base) = view.and_then(|view| name.strip_suffix(view)) {
+        name = base.trim_end_matches(['.', '_', '-']).to_owned();
+    }
+    if NEUTRAL_PARTS.iter().any(|neutral| name.eq_ignore_ascii_case(neutral)) { String::new() } else { name }
+}
+
+/// A channel's name as layer and component.
+fn split_name(name: &str) -> (String, String) {
+    match name.rsplit_once('.') {
+        Some((layer, component)) => (layer.to_owned(), component.to_owned()),
+        None if name.len() == 1 && BARE_COMPONENTS.contains(&name.to_uppercase()) => {
+            (String::new(), name.to_owned())
+        }
+        None => (name.to_owned(), String::new()),
+    }
+}
+
+/// The part's layer in front of the channel's own, unless that begins with it.
+fn join(part: &str, layer: &str) -> String {
+    let begins = layer.get(..part.len()).is_some_and(|start| start.eq_ignore_ascii_case(part));
+    match (part.is_empty() || begins, layer.is_empty()) {
+        (true, _) => layer.to_owned(),
+        (false, true) => part.to_owned(),
+        (false, false) => format!("{part}.{layer}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_split_at_the_last_dot_and_parts_stand_in_front() {
+        let split = |name| {
+            let (layer, component) = split_name(name);
+            format!("{layer}|{component}")
+        };
+        assert_eq!(split("ViewLayer.Noisy Image.R"), "ViewLayer.Noisy Image|R");
+        assert_eq!(split("Z"), "|Z");
+        assert_eq!(split("zfiltered"), "zfiltered|");
+        assert_eq!(join("ViewLayer.Combined", ""), "ViewLayer.Combined");
+        assert_eq!(join("ViewLayer", "Combined"), "ViewLayer.Combined");
+        assert_eq!(join("forward", "forward"), "forward");
+        assert_eq!(join("", "N"), "N");
+    }
+
+    #[test]
+    fn buffers_are_named_after_what_follows_the_common_start() {
+        assert_eq!(buffer_prefix("color", Renderer::Tungsten), "");
+        assert_eq!(buffer_prefix("shot_010_Color", Renderer::Tungsten), "shot_010_");
+        assert_eq!(buffer_prefix("a_RGB_IMAGEPIPELINE", Renderer::LuxCore), "a_");
+        assert_eq!(buffer_prefix("render", Renderer::LuxCore), "");
+    }
+}

@@ -1,0 +1,185 @@
+//! What was found in a file, for people and for programs.
+
+use serde::Serialize;
+
+use super::assemble::Remarks;
+use super::channels::{Renderer, Role, Statistic, VarianceKind};
+use super::document::Document;
+use super::roles::Choice;
+use crate::frame::Frame;
+use crate::image::Plane;
+
+/// What was found, and what it means for the denoiser.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Layout {
+    /// The file, and those read beside it.
+    pub files: Vec<FileLayout>,
+    /// The second half of the samples.
+    pub half: Option<String>,
+    /// Who wrote it.
+    pub renderer: Renderer,
+    /// Whether the user said so.
+    pub forced: bool,
+    /// Samples per pixel, the mean where they differ.
+    pub samples_per_pixel: Option<f32>,
+    /// The channels that play a role; all others pass through.
+    pub roles: Vec<RoleLayout>,
+    /// Roles that nothing plays, which is done without.
+    pub missing: Vec<String>,
+    /// Things that were done to the input on the way.
+    pub notes: Vec<String>,
+    /// Things that make the result worse than it could be, each with a remedy.
+    pub warnings: Vec<String>,
+}
+
+/// A file's parts.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FileLayout {
+    /// Where it is.
+    pub path: String,
+    /// Its parts, in order.
+    pub parts: Vec<PartLayout>,
+}
+
+/// A part's encoding and channels.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct PartLayout {
+    /// Its name, where it has one.
+    pub name: Option<String>,
+    /// x and y of the data window's first pixel, its width and height.
+    pub data_window: [i64; 4],
+    /// The same of the display window.
+    pub display_window: [i64; 4],
+    /// How it is compressed.
+    pub compression: String,
+    /// Whether it is stored in tiles.
+    pub tiled: bool,
+    /// Its channels, as `name: type`.
+    pub channels: Vec<String>,
+}
+
+/// Channels that play a role.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RoleLayout {
+    /// The role, under the names that `--map` takes.
+    pub role: String,
+    /// What the numbers are: `mean`, the kind of variance, `half-a` or `half-b`.
+    pub statistic: String,
+    /// The channels, in the components' order.
+    pub channels: Vec<String>,
+    /// Least finite value as stored.
+    pub min: Option<f32>,
+    /// Largest finite value as stored.
+    pub max: Option<f32>,
+    /// Samples that are NaN or infinite.
+    pub non_finite: usize,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self {
+            files: Vec::new(),
+            half: None,
+            renderer: Renderer::Plain,
+            forced: false,
+            samples_per_pixel: None,
+            roles: Vec::new(),
+            missing: Vec::new(),
+            notes: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
+impl Layout {
+    /// Adds what the frame lacks and what is to be remarked.
+    pub(super) fn tell(&mut self, frame: &Frame, remarks: Remarks) {
+        self.samples_per_pixel = frame.spp();
+        self.notes = remarks.notes;
+        self.warnings = remarks.warnings;
+        if frame.color_var_of_mean().is_none() {
+            self.missing.push("variance".to_owned());
+            self.warnings.push(
+                "no variance of the colour is there: it will be estimated from the picture itself; render \
+                 with variance, or twice with different seeds (--half), for a better result"
+                    .to_owned(),
+            );
+        }
+        if frame.halves().is_none() {
+            self.missing.push("halves".to_owned());
+        }
+        for (name, kind) in super::mapping::FEATURES {
+            if !frame.features().iter().any(|feature| feature.kind == kind) {
+                self.missing.push(name.to_owned());
+            }
+        }
+    }
+}
+
+impl FileLayout {
+    pub(super) fn of(document: &Document) -> Self {
+        let part = |(index, header): (usize, &exr::meta::header::Header)| {
+            let window = |bounds: exr::meta::attribute::IntegerBounds| {
+                let (position, size) = (bounds.position, bounds.size);
+                [position.x().into(), position.y().into(), size.width() as i64, size.height() as i64]
+            };
+            PartLayout {
+                name: document.part_name(index),
+                data_window: window(header.data_window()),
+                display_window: window(header.shared_attributes.display_window),
+                compression: header.compression.to_string(),
+                tiled: header.blocks.has_tiles(),
+                channels: header
+                    .channels
+                    .list
+                    .iter()
+                    .map(|channel| format!("{}: {:?}", channel.name, channel.sample_type))
+                    .collect(),
+            }
+        };
+        Self {
+            path: document.path().display().to_string(),
+            parts: document.headers().iter().enumerate().map(part).collect(),
+        }
+    }
+}
+
+impl RoleLayout {
+    pub(super) fn new<'p>(
+        choice: &Choice,
+        channels: Vec<String>,
+        planes: impl Iterator<Item = &'p Plane>,
+    ) -> Self {
+        let (mut min, mut max, mut non_finite) = (f32::INFINITY, f32::NEG_INFINITY, 0);
+        for &value in planes.flat_map(Plane::data) {
+            if value.is_finite() {
+                (min, max) = (min.min(value), max.max(value));
+            } else {
+                non_finite += 1;
+            }
+        }
+        let target = &choice.target;
+        Self {
+            role: match target.role {
+                Role::SampleCount => "sampleCount".to_owned(),
+                Role::Feature(_) => target.feature.clone(),
+                _ => "color".to_owned(),
+            },
+            statistic: match target.statistic {
+                Statistic::Mean => "mean",
+                Statistic::Variance(VarianceKind::Mean) => "variance of the mean",
+                Statistic::Variance(VarianceKind::Sample) => "variance of one sample",
+                Statistic::Variance(VarianceKind::M2) => "second moment",
+                Statistic::Variance(VarianceKind::Stddev) => "standard deviation of the mean",
+                Statistic::Variance(VarianceKind::Halves) => "variance from halves",
+                Statistic::HalfA => "half A",
+                Statistic::HalfB => "half B",
+            }
+            .to_owned(),
+            channels,
+            min: (min <= max).then_some(min),
+            max: (min <= max).then_some(max),
+            non_finite,
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! What a header may claim before anything is allocated for it.
+//!
+//! A damaged or hostile file of a few bytes can announce a picture of terabytes. Every claim is
+//! held against the length of the file, and against the fixed limits below.
+
+use exr::meta::BlockDescription;
+use exr::meta::attribute::LevelMode;
+use exr::meta::header::Header;
+use exr::prelude::{Compression, Vec2};
+
+use crate::error::{Error, ErrorKind, Result};
+
+/// The most pixels a part may have: 16384 × 16384. One plane of them takes 1 GiB.
+pub const MAX_PIXELS: u64 = 1 << 28;
+
+/// The most channels a file may have, over all its parts.
+pub const MAX_CHANNELS: usize = 1 << 14;
+
+/// The most parts a file may have.
+pub const MAX_PARTS: usize = 1 << 12;
+
+/// The most bytes that one block (a tile, or some scan lines of all channels) may decode to.
+pub const MAX_BLOCK_BYTES: u64 = 1 << 30;
+
+/// Bytes that the table of blocks and the head of a block take in the file, at least.
+const LEAST_BYTES_PER_CHUNK: u64 = 16;
+
+/// Refuses what this program cannot handle, and what the file cannot hold.
+///
+/// # Errors
+/// `Unreadable`, with the part and the remedy.
+pub(super) fn check(headers: &[Header], file_bytes: u64) -> Result<()> {
+    let channels: usize = headers.iter().map(|header| header.channels.list.len()).sum();
+    if headers.is_empty() || headers.len() > MAX_PARTS || channels > MAX_CHANNELS {
+        return Err(unreadable(format!(
+            "announces {} parts and {channels} channels where 1 to {MAX_PARTS} parts and at most \
+             {MAX_CHANNELS} channels are handled",
+            headers.len()
+        ))
+        .remedy("split the file"));
+    }
+    for header in headers {
+        let part = || header.own_attributes.layer_name.as_ref().map_or_else(String::new, ToString::to_string);
+        let checked = supported(header).and_then(|()| plausible(header, file_bytes));
+        checked.map_err(|error| if headers.len() > 1 { error.in_part(part()) } else { error })?;
+    }
+    Ok(())
+}
+
+fn unreadable(what: impl Into<String>) -> Error {
+    Error::new(ErrorKind::Unreadable, what)
+}
+
+fn supported(header: &Header) -> Result<()> {
+    if header.deep {
+        return Err(unreadable("holds deep data where flat pixels were expected")
+            .remedy("flatten it, for example with `oiiotool --flatten`"));
+    }
+    if let Some(channel) = header.channels.list.iter().find(|channel| channel.sampling != Vec2(1, 1)) {
+        return Err(unreadable(format!(
+            "is subsampled {}×{} (luminance/chroma) where full resolution was expected",
+            channel.sampling.x(),
+            channel.sampling.y()
+        ))
+        .in_channel(channel.name.to_string())
+        .remedy("convert it to RGB, for example with `exrmakergb` or a compositor"));
+    }
+    if let BlockDescription::Tiles(tiles) = header.blocks
+        && tiles.level_mode != LevelMode::Singular
+    {
+        return Err(unreadable("holds several resolutions (a texture) where one picture was expected")
+            .remedy("write a render without mip levels, for example with `exrmaketiled -o`"));
+    }
+    if matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256) {
+        return Err(unreadable("is compressed with HTJ2K, which is not supported")
+            .remedy("write it with ZIP compression"));
+    }
+    Ok(())
+}
+
+fn plausible(header: &Header, file_bytes: u64) -> Result<()> {
+    let size = header.layer_size;
+    let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
+    let bytes = pixels.saturating_mul(header.channels.bytes_per_pixel as u64);
+    let (width, height) = (size.width(), size.height());
+    if pixels > MAX_PIXELS {
+        return Err(unreadable(format!(
+            "announces {width}×{height} pixels where {MAX_PIXELS} are the limit"
+        ))
+        .remedy("render it in pieces, or check whether the file is damaged"));
+    }
+    let block = header.max_block_pixel_size();
+    let block_pixels = (block.width() as u64).saturating_mul(block.height() as u64);
+    if block_pixels.saturating_mul(header.channels.bytes_per_pixel as u64) > MAX_BLOCK_BYTES {
+        return Err(unreadable(format!(
+            "announces blocks of {}×{} pixels, more than the limit of {MAX_BLOCK_BYTES} bytes",
+            block.width(),
+            block.height()
+        ))
+        .remedy("write it with smaller tiles or as scan lines"));
+    }
+    let chunks = header.chunk_count as u64;
+    let held = most_expansion(header.compression).map_or(u64::MAX, |ratio| file_bytes.saturating_mul(ratio));
+    if pixels == 0 || chunks.saturating_mul(LEAST_BYTES_PER_CHUNK) > file_bytes || bytes > held {
+        return Err(unreadable(format!(
+            "announces {width}×{height} pixels of {} channels in {chunks} blocks, which {file_bytes} bytes \
+             of file cannot hold",
+            header.channels.list.len()
+        ))
+        .remedy("it is damaged or incomplete: write it again"));
+    }
+    Ok(())
+}
+
+/// By how much a codec can shrink its input at the very best; `None` where there is no useful bound.
+fn most_expansion(compression: Compression) -> Option<u64> {
+    match compression {
+        Compression::Uncompressed => Some(1),
+        Compression::RLE => Some(64), // two bytes stand for at most 128
+        Compression::ZIP1 | Compression::ZIP16 => Some(1032), // the limit of deflate
+        Compression::PXR24 => Some(1032 * 4 / 3), // deflate on three bytes out of four
+        Compression::B44 | Compression::B44A => Some(11), // three bytes stand for 32
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use exr::meta::attribute::{ChannelDescription, LineOrder, SampleType, Text, TileDescription};
+    use exr::prelude::attribute::LevelMode;
+
+    fn header(width: usize, height: usize, compression: Compression) -> Header {
+        let channels = ["B", "G", "R"].map(|name| ChannelDescription::named(name, SampleType::F16));
+        Header::new(Text::from("beauty"), (width, height), channels.into_iter().collect()).with_encoding(
+            compression,
+            BlockDescription::ScanLines,
+            LineOrder::Increasing,
+        )
+    }
+
+    fn refusal(header: Header, file_bytes: u64) -> String {
+        check(&[header], file_bytes).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn claims_are_held_against_the_limits_and_the_file() {
+        assert!(check(&[header(640, 480, Compression::ZIP16)], 20_000).is_ok());
+        assert!(refusal(header(1 << 20, 1 << 20, Compression::ZIP16), 1 << 40).contains("limit"));
+        assert!(refusal(header(16000, 16000, Compression::ZIP16), 200_000).contains("cannot hold"));
+        assert!(refusal(header(64, 1 << 20, Compression::PIZ), 1000).contains("cannot hold"));
+        assert!(refusal(header(1 << 27, 2, Compression::DWAB(None)), 1 << 40).contains("blocks of"));
+        let mut many = header(64, 64, Compression::RLE);
+        let names = (0..=MAX_CHANNELS)
+            .map(|i| ChannelDescription::named(Text::from(format!("c{i}").as_str()), SampleType::U32));
+        many.channels = exr::meta::attribute::ChannelList::new(names.collect());
+        assert!(refusal(many, 1 << 40).contains("channels"));
+    }
+
+    #[test]
+    fn what_is_not_supported_names_its_remedy() {
+        let mut deep = header(8, 8, Compression::ZIP1);
+        deep.deep = true;
+        assert!(refusal(deep, 10_000).contains("flatten"));
+        let mut chroma = header(8, 8, Compression::ZIP1);
+        chroma.channels.list[1].sampling = Vec2(2, 2);
+        let message = refusal(chroma, 10_000);
+        assert!(message.contains("subsampled") && message.contains("'G'"), "{message}");
+        assert!(refusal(header(8, 8, Compression::HTJ2K32), 10_000).contains("HTJ2K"));
+        let levels = BlockDescription::Tiles(TileDescription {
+            tile_size: Vec2(64, 64),
+            level_mode: LevelMode::MipMap,
+            rounding_mode: exr::math::RoundingMode::Down,
+        });
+        let mips =
+            header(8, 8, Compression::ZIP1).with_encoding(Compression::ZIP1, levels, LineOrder::Increasing);
+        assert!(refusal(mips, 10_000).contains("resolutions"));
+    }
+}

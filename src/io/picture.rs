@@ -1,0 +1,288 @@
+//! A render on disk: read into a frame, and written again with a new beauty.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use exr::meta::attribute::{AttributeValue, IntegerBounds};
+use exr::meta::header::Header;
+
+use super::assemble::{Given, Planes, Remarks, assemble, merge_halves};
+use super::channels::{COUNTS, CountAs, MARKS, Mark, Renderer, Statistic, VarianceKind, match_layer};
+use super::decode::{ChannelAt, read_planes};
+use super::document::Document;
+use super::layers::{Channel, Layer, buffer_prefix, gather};
+use super::layout::{FileLayout, Layout, RoleLayout};
+use super::mapping::{Mapping, find, target};
+use super::rewrite::{Addition, Replacement, rewrite};
+use super::roles::{Candidate, Casting, Choice, settle};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::{Denoised, Frame};
+use crate::image::{Plane, Rgb};
+
+/// How to understand a file.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// The renderer, where it is not to be guessed.
+    pub profile: Option<Renderer>,
+    /// Roles that the user assigns; they win over the channel map.
+    pub map: Vec<Mapping>,
+    /// Further features.
+    pub features: Vec<Mapping>,
+    /// What variance buffers hold, where the channel map does not know.
+    pub variance_kind: Option<VarianceKind>,
+    /// Samples per pixel, where the header lacks it.
+    pub spp: Option<f32>,
+    /// The same frame rendered with another seed.
+    pub half: Option<PathBuf>,
+    /// Files with further layers, whose bare channels form a layer of the file's name.
+    pub with: Vec<PathBuf>,
+}
+
+/// A file as the denoiser sees it.
+#[derive(Debug)]
+pub struct Picture {
+    /// The first is the one that is written again.
+    documents: Vec<Document>,
+    beauty: Vec<ChannelAt>,
+    frame: Frame,
+    layout: Layout,
+}
+
+impl Picture {
+    /// Reads the file at `path`.
+    ///
+    /// # Errors
+    /// `Unreadable` when a file is missing, damaged, beyond the limits, or uses a feature that is not
+    /// supported; `Lacking` when there is no colour or a mapped channel is not there; `Usage` when a
+    /// mapping names no role.
+    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Self> {
+        let path = path.as_ref();
+        let mut picture = Self::read_one(path, options).map_err(|error| error.in_file(path))?;
+        if let Some(half) = &options.half {
+            let other = Self::read_one(half, options).map_err(|error| error.in_file(half))?;
+            let halves_only = options.variance_kind == Some(VarianceKind::Halves);
+            picture.frame = merge_halves(&picture.frame, &other.frame, halves_only)
+                .map_err(|error| error.in_file(half))?;
+            picture.layout.half = Some(half.display().to_string());
+            picture.layout.samples_per_pixel = picture.frame.spp();
+        }
+        Ok(picture)
+    }
+
+    /// What the denoiser gets.
+    pub fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// What was found.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Writes the file again with the denoised beauty; with `aux` also the estimated error
+    /// (`apr.mse.Y`) and the order chosen (`apr.order.Y`). Everything else passes through bit for
+    /// bit. Returns what the user should know.
+    ///
+    /// # Errors
+    /// `Unwritable` when the folder or the disk does not take it; `target` is then as it was.
+    pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
+        let replacement = |(c, &at): (usize, &ChannelAt)| Replacement { at, plane: &denoised.color[c] };
+        let replacements: Vec<_> = self.beauty.iter().enumerate().map(replacement).collect();
+        let mut additions = Vec::new();
+        if aux {
+            additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
+            additions.push(Addition { name: "apr.order.Y", plane: &denoised.order });
+        }
+        rewrite(&self.documents[0], target.as_ref(), &replacements, &additions)
+    }
+
+    fn read_one(path: &Path, options: &ReadOptions) -> Result<Self> {
+        let documents = open_all(path, options)?;
+        let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
+        let layers = gather(&documents, one_file_per_buffer);
+        let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
+        let mapped = mapped_choices(options, &documents, &layers)?;
+        let casting = Casting { layers: &layers, renderer, mapped: &mapped };
+        let color = casting.color().ok_or_else(|| no_color(&layers))?;
+        let beauty = casting.beauty(&color);
+        let candidates = casting.candidates(&color);
+
+        let window = documents[0].headers()[color.mean.channels[0].at.part].data_window();
+        let planes = read_all(&documents, &color, &candidates, window)?;
+        let cast = settle(&color, &candidates, |channel| &planes[&channel]);
+        let mut layout = Layout {
+            files: documents.iter().map(FileLayout::of).collect(),
+            renderer,
+            forced: options.profile.is_some(),
+            ..Layout::default()
+        };
+        layout.roles = cast.choices.iter().map(|choice| describe(choice, &documents, &planes)).collect();
+        let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
+        note_windows(&documents, &cast.choices, window, &mut remarks);
+        let header = &documents[0].headers()[color.mean.channels[0].at.part];
+        let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
+        let frame = assemble(&cast.choices, Planes::new(planes, &cast.choices), given, &mut remarks)?;
+        layout.tell(&frame, remarks);
+        let beauty = beauty.into_iter().map(|channel| channel.at).collect();
+        Ok(Self { documents, beauty, frame, layout })
+    }
+}
+
+/// Opens the file, those given beside it, and those that lie beside it under the renderer's names.
+fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
+    let mut documents = vec![Document::open(path)?];
+    for further in &options.with {
+        documents.push(Document::open(further)?);
+    }
+    if let Some(renderer) = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer()) {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let prefix = buffer_prefix(&name, renderer);
+        for sibling in super::siblings::buffers_beside(path, &prefix, renderer) {
+            documents.push(Document::open(&sibling)?);
+        }
+    }
+    Ok(documents)
+}
+
+/// Who wrote the file, by the marks of the channel map.
+fn detect(document: &Document, layers: &[Layer]) -> Renderer {
+    let header = &document.headers()[0];
+    let attributes = || header.own_attributes.other.iter();
+    let marked = |mark: Mark| {
+        match mark {
+        Mark::Attribute(start) => attributes().any(|(name, _)| name.to_string().starts_with(start)),
+        Mark::Text(wanted, start) => attributes().any(|(name, value)| {
+            matches!(value, AttributeValue::Text(text) if *name == *wanted && text.to_string().starts_with(start))
+        }),
+        Mark::Layer(pattern) => layers.iter().any(|layer| match_layer(pattern, &layer.name).is_some()),
+    }
+    };
+    MARKS.iter().find(|(_, mark)| marked(*mark)).map_or(Renderer::Plain, |(renderer, _)| *renderer)
+}
+
+/// Samples per pixel according to the header.
+fn samples_in(header: &Header) -> Option<f32> {
+    let number = |value: &AttributeValue| match value {
+        AttributeValue::I32(n) => Some(*n as f32),
+        AttributeValue::F32(n) => Some(*n),
+        AttributeValue::F64(n) => Some(*n as f32),
+        AttributeValue::Text(text) => text.to_string().trim().parse().ok(),
+        _ => None,
+    };
+    COUNTS.iter().find_map(|&(start, end, count_as)| {
+        header.own_attributes.other.iter().find_map(|(name, value)| {
+            let name = name.to_string();
+            let fits = name.starts_with(start) && name.ends_with(end) && (!end.is_empty() || name == start);
+            let n = number(value).filter(|n| fits && *n > 0.0)?;
+            Some(if count_as == CountAs::Root { n * n } else { n })
+        })
+    })
+}
+
+fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
+    let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
+    let names = |channel| full_names(documents, channel);
+    let mappings = options.map.iter().chain(&options.features);
+    let choices = mappings.map(|mapping| {
+        Ok(Choice { target: target(&mapping.name, &further)?, channels: find(mapping, layers, names)? })
+    });
+    let choices: Vec<Choice> = choices.collect::<Result<_>>()?;
+    match choices.iter().find(|choice| {
+        choice.target.role == super::channels::Role::Color
+            && choice.target.statistic == Statistic::Mean
+            && choice
+                .channels
+                .iter()
+                .any(|channel| channel.file != 0 || channel.at.part != choice.channels[0].at.part)
+    }) {
+        None => Ok(choices),
+        Some(_) => Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
+            .remedy("name the file that is to be written again first")),
+    }
+}
+
+/// The names by which a channel may be called: its own, and with its part's in front.
+fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
+    let document = &documents[channel.file];
+    let own = document.headers()[channel.at.part].channels.list[channel.at.channel].name.to_string();
+    let with_part = document.part_name(channel.at.part).map(|part| format!("{part}.{own}"));
+    std::iter::once(own).chain(with_part).collect()
+}
+
+fn no_color(layers: &[Layer]) -> Error {
+    /// Enough to recognise the file, few enough for a message.
+    const NAMED: usize = 12;
+    let names: Vec<&str> = layers.iter().take(NAMED).map(|layer| layer.name.as_str()).collect();
+    let more = if layers.len() > NAMED { ", …" } else { "" };
+    Error::new(
+        ErrorKind::Lacking,
+        format!("no colour was found; the layers are '{}'{more}", names.join("', '")),
+    )
+    .remedy("name it by --map color=LAYER")
+}
+
+fn read_all(
+    documents: &[Document],
+    color: &Candidate,
+    candidates: &[Candidate],
+    window: IntegerBounds,
+) -> Result<BTreeMap<Channel, Plane>> {
+    let choices = candidates
+        .iter()
+        .chain(std::iter::once(color))
+        .flat_map(|candidate| std::iter::once(&candidate.mean).chain(&candidate.companions));
+    let wanted: BTreeSet<Channel> = choices.flat_map(|choice| choice.channels.iter().copied()).collect();
+    let mut planes = BTreeMap::new();
+    for (file, document) in documents.iter().enumerate() {
+        let here: Vec<Channel> = wanted.iter().copied().filter(|channel| channel.file == file).collect();
+        let places: Vec<ChannelAt> = here.iter().map(|channel| channel.at).collect();
+        planes.extend(here.into_iter().zip(read_planes(document, &places, window)?));
+    }
+    Ok(planes)
+}
+
+fn describe(choice: &Choice, documents: &[Document], planes: &BTreeMap<Channel, Plane>) -> RoleLayout {
+    let names = choice.channels.iter().map(|&channel| {
+        let name = full_names(documents, channel).swap_remove(0);
+        match channel.file {
+            0 => name,
+            file => format!("{}:{name}", documents[file].path().display()),
+        }
+    });
+    RoleLayout::new(choice, names.collect(), choice.channels.iter().map(|channel| &planes[channel]))
+}
+
+/// Tells which roles come from a part whose pixels are not the colour's.
+fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBounds, remarks: &mut Remarks) {
+    for choice in choices {
+        let other =
+            |channel: &&Channel| documents[channel.file].headers()[channel.at.part].data_window() != window;
+        if let Some(channel) = choice.channels.iter().find(other) {
+            remarks.notes.push(format!(
+                "{}: its data window is not the colour's; 0 stands where it does not reach",
+                full_names(documents, *channel)[0]
+            ));
+        }
+    }
+}
+
+/// The colour of the file at `path`, for comparisons and references.
+///
+/// # Errors
+/// As [`Picture::read`].
+pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
+    let path = path.as_ref();
+    let read = || {
+        let documents = [Document::open(path)?];
+        let layers = gather(&documents, None);
+        let renderer = detect(&documents[0], &layers);
+        let casting = Casting { layers: &layers, renderer, mapped: &[] };
+        let color = casting.color().ok_or_else(|| no_color(&layers))?;
+        let beauty = casting.beauty(&color);
+        let window = documents[0].headers()[beauty[0].at.part].data_window();
+        let places: Vec<ChannelAt> = beauty.iter().map(|channel| channel.at).collect();
+        let planes = read_planes(&documents[0], &places, window)?;
+        planes.try_into().map_err(|_| no_color(&layers))
+    };
+    read().map_err(|error: Error| error.in_file(path))
+}

@@ -1,0 +1,207 @@
+//! The input with a new beauty: everything else goes through bit for bit.
+//!
+//! Parts without the beauty are copied block by block without being decoded. The beauty's part is
+//! decoded, its channels replaced, and encoded again; that loses nothing as long as its compression
+//! is lossless for what passes through, and otherwise it is written with ZIP instead.
+
+use std::path::Path;
+
+use exr::block::UncompressedBlock;
+use exr::block::lines::LineIndex;
+use exr::block::writer::ChunksWriter;
+use exr::meta::attribute::{ChannelDescription, ChannelList, SampleType, Text};
+use exr::meta::header::Header;
+use exr::prelude::Compression;
+use half::f16;
+
+use super::atomic::write_atomically;
+use super::decode::ChannelAt;
+use super::document::Document;
+use super::encode::{block_from_lines, encode_error, through_encoder, write_blocks};
+use crate::error::Result;
+use crate::image::Plane;
+
+/// A plane that replaces a channel, or becomes a new one.
+pub(super) struct Replacement<'a> {
+    pub(super) at: ChannelAt,
+    pub(super) plane: &'a Plane,
+}
+
+/// A channel to add to the beauty's part, as 32-bit floats; one of the same name is replaced.
+pub(super) struct Addition<'a> {
+    pub(super) name: &'a str,
+    pub(super) plane: &'a Plane,
+}
+
+/// Where the samples of a channel of the output come from.
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    /// The input's channel of this index.
+    Input(usize),
+    Plane(&'a Plane),
+}
+
+/// What is written for the beauty's part.
+struct NewPart<'a> {
+    header: Header,
+    /// For each channel of `header`.
+    sources: Vec<Source<'a>>,
+}
+
+/// Writes `document` to `target` with the `replacements`, all of one part, and the `additions` to it.
+/// Returns what the user should know.
+///
+/// # Errors
+/// When the input turns out to be damaged, or the output cannot be written: an old file at `target`
+/// is then unharmed.
+pub(super) fn rewrite(
+    document: &Document,
+    target: &Path,
+    replacements: &[Replacement],
+    additions: &[Addition],
+) -> Result<Vec<String>> {
+    let changed = replacements.first().map_or(0, |replacement| replacement.at.part);
+    let mut notes = Vec::new();
+    if document.is_irregular() {
+        notes.push(
+            "the input's header is irregular: a malformed attribute is missing in the output".to_owned(),
+        );
+    }
+    let new = NewPart::plan(&document.headers()[changed], replacements, additions, &mut notes);
+    let mut headers: exr::meta::Headers = document.headers().iter().cloned().collect();
+    headers[changed] = new.header.clone();
+    write_atomically(target, |file| {
+        exr::block::write(file, headers, false, |meta, writer| {
+            for part in 0..meta.headers.len() {
+                let written = if part == changed {
+                    document.for_each_block(part, |blocks| {
+                        let input = &document.headers()[part];
+                        let blocks =
+                            blocks.into_iter().map(|(index, block)| (index, new.block(input, &block)));
+                        write_blocks(writer, &meta.headers, blocks.collect()).map_err(encode_error)
+                    })
+                } else {
+                    document.for_each_chunk(part, |index, chunk| {
+                        writer.write_chunk(index, chunk).map_err(encode_error)
+                    })
+                };
+                written.map_err(through_encoder)?;
+            }
+            Ok(())
+        })
+        .map_err(encode_error)
+    })?;
+    Ok(notes)
+}
+
+impl<'a> NewPart<'a> {
+    fn plan(
+        input: &Header,
+        replacements: &[Replacement<'a>],
+        additions: &[Addition<'a>],
+        notes: &mut Vec<String>,
+    ) -> Self {
+        let mut channels: Vec<(ChannelDescription, Source)> = Vec::new();
+        for (index, description) in input.channels.list.iter().enumerate() {
+            let new = replacements.iter().find(|replacement| replacement.at.channel == index);
+            let source = new.map_or(Source::Input(index), |replacement| Source::Plane(replacement.plane));
+            channels.push((description.clone(), source));
+        }
+        for addition in additions {
+            let description = ChannelDescription::named(Text::from(addition.name), SampleType::F32);
+            channels.retain(|(channel, _)| channel.name != description.name);
+            channels.push((description, Source::Plane(addition.plane)));
+        }
+        channels.sort_by(|(a, _), (b, _)| a.name.as_slice().cmp(b.name.as_slice()));
+        let compression = compression(input.compression, &channels);
+        if compression != input.compression {
+            notes.push(format!(
+                "written with ZIP, because {} would alter the channels that pass through",
+                input.compression
+            ));
+        }
+        let (descriptions, sources) = channels.into_iter().unzip::<_, _, Vec<_>, Vec<_>>();
+        let mut header = input.clone().with_encoding(compression, input.blocks, input.line_order);
+        header.channels = ChannelList::new(descriptions.into());
+        Self { header, sources }
+    }
+
+    /// The block of the output for the one of the input at the same place.
+    fn block(&self, input: &Header, block: &UncompressedBlock) -> UncompressedBlock {
+        // Where the lines of the input's channels start: of the block's first row, and per row.
+        let width = block.index.pixel_size.width();
+        let lines: Vec<_> = LineIndex::lines_in_block(block.index, &input.channels).collect();
+        let channels = input.channels.list.len();
+        let top = block.index.pixel_position.y();
+        block_from_lines(&self.header, block.index, |channel, x, y, target| match self.sources[channel] {
+            Source::Input(index) => {
+                let (bytes, _) = &lines[(y - top) * channels + index];
+                target.copy_from_slice(&block.data[bytes.clone()]);
+            }
+            Source::Plane(plane) => {
+                let samples = &plane.row(y)[x..x + width];
+                store(samples, self.header.channels.list[channel].sample_type, target);
+            }
+        })
+    }
+}
+
+/// The input's compression, unless it would alter what passes through. (PXR24 cuts floats to 24
+/// bits, but those that come from a PXR24 file have no more.)
+fn compression(input: Compression, channels: &[(ChannelDescription, Source)]) -> Compression {
+    let passes = |(description, source): &(ChannelDescription, Source)| match source {
+        Source::Input(_) => input.is_lossless_for(description.sample_type),
+        Source::Plane(_) => true,
+    };
+    if input == Compression::PXR24 || channels.iter().all(passes) { input } else { Compression::ZIP16 }
+}
+
+/// Stores samples as the channel's type: the nearest finite half, or the nearest whole number.
+fn store(samples: &[f32], kind: SampleType, target: &mut [u8]) {
+    match kind {
+        SampleType::F16 => {
+            let (low, high) = (f16::MIN.to_f32(), f16::MAX.to_f32());
+            fill(samples, target.as_chunks_mut().0, |v| f16::from_f32(v.clamp(low, high)).to_ne_bytes());
+        }
+        SampleType::F32 => fill(samples, target.as_chunks_mut().0, f32::to_ne_bytes),
+        SampleType::U32 => fill(samples, target.as_chunks_mut().0, |v| (v.round() as u32).to_ne_bytes()),
+    }
+}
+
+fn fill<const N: usize>(samples: &[f32], target: &mut [[u8; N]], write: impl Fn(f32) -> [u8; N]) {
+    for (bytes, sample) in target.iter_mut().zip(samples) {
+        *bytes = write(*sample);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_are_stored_as_the_nearest_of_their_type() {
+        let mut halves = [0; 6];
+        store(&[1.5, 1e9, -1e9], SampleType::F16, &mut halves);
+        let read: Vec<f32> = halves.as_chunks().0.iter().map(|b| f16::from_ne_bytes(*b).to_f32()).collect();
+        assert_eq!(read, [1.5, 65504.0, -65504.0]);
+        let mut whole = [0; 12];
+        store(&[2.6, -3.0, 1e20], SampleType::U32, &mut whole);
+        let read: Vec<u32> = whole.as_chunks().0.iter().map(|b| u32::from_ne_bytes(*b)).collect();
+        assert_eq!(read, [3, 0, u32::MAX]);
+    }
+
+    #[test]
+    fn a_lossy_codec_stays_only_where_nothing_is_lost() {
+        let plane = Plane::filled(1, 1, 0.0);
+        let of = |kind, source| (ChannelDescription::named("x", kind), source);
+        let passed = of(SampleType::F16, Source::Input(0));
+        let float = of(SampleType::F32, Source::Input(0));
+        let new = of(SampleType::F16, Source::Plane(&plane));
+        assert_eq!(compression(Compression::B44, &[new.clone(), float.clone()]), Compression::B44);
+        assert_eq!(compression(Compression::B44, &[new.clone(), passed.clone()]), Compression::ZIP16);
+        assert_eq!(compression(Compression::DWAA(Some(45.0)), &[new.clone()]), Compression::DWAA(Some(45.0)));
+        assert_eq!(compression(Compression::DWAA(None), &[new.clone(), float.clone()]), Compression::ZIP16);
+        assert_eq!(compression(Compression::PXR24, &[new, float]), Compression::PXR24);
+        assert_eq!(compression(Compression::PIZ, &[passed]), Compression::PIZ);
+    }
+}

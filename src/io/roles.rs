@@ -1,0 +1,280 @@
+//! Which layer plays which role: the channel map held against the layers of a file.
+//!
+//! Done in two steps, because Mitsuba's layers can only be told by their numbers: [`candidates`]
+//! lists by name what may be of use, and [`settle`] decides once the planes are read.
+
+use std::collections::BTreeSet;
+
+use super::channels::{
+    COMPANIONS, CompanionRow, Evidence, LAYERS, LayerRow, Of, Renderer, Role, Statistic, companion_names,
+    match_layer,
+};
+use super::evidence;
+use super::layers::{Channel, Layer};
+use super::mapping::{FEATURES, Target};
+use crate::frame::FeatureKind;
+use crate::image::Plane;
+
+/// Channels with a role.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Choice {
+    pub(super) target: Target,
+    pub(super) channels: Vec<Channel>,
+}
+
+/// A layer that may play a role, with the statistics that are named after it.
+#[derive(Debug, Clone)]
+pub(super) struct Candidate {
+    pub(super) mean: Choice,
+    pub(super) companions: Vec<Choice>,
+    evidence: Evidence,
+    /// The layer its channels are in.
+    layer: usize,
+}
+
+/// What the user maps: a choice, or no channels to do without.
+pub(super) type Mapped = Choice;
+
+/// The layers and the tables that are held against them.
+pub(super) struct Casting<'a> {
+    pub(super) layers: &'a [Layer],
+    pub(super) renderer: Renderer,
+    pub(super) mapped: &'a [Mapped],
+}
+
+impl Casting<'_> {
+    /// The colour: what the user maps, or the first row that matches in the first file.
+    pub(super) fn color(&self) -> Option<Candidate> {
+        if let Some(mapped) = self.mapped(Role::Color, "", Statistic::Mean) {
+            return self.candidate_of(mapped.clone());
+        }
+        self.rows(Role::Color).find_map(|row| {
+            self.layers.iter().enumerate().find_map(|(i, layer)| {
+                let matched = match_layer(row.layer, &layer.name)?;
+                let channels = layer.pick_first(row.components)?;
+                (channels[0].file == 0).then(|| self.candidate(i, row, matched.number, channels))
+            })
+        })
+    }
+
+    /// The channels that are to hold the result: the colour itself, unless the renderer keeps the
+    /// noisy picture beside the one that is shown.
+    pub(super) fn beauty(&self, color: &Candidate) -> Vec<Channel> {
+        let shown =
+            self.rows(Role::Beauty).filter(|_| self.mapped(Role::Color, "", Statistic::Mean).is_none());
+        let layers = || self.layers.iter().enumerate().filter(|&(i, _)| self.goes_with(i, color));
+        let found = shown.into_iter().find_map(|row| {
+            layers().find_map(|(_, layer)| {
+                match_layer(row.layer, &layer.name).and_then(|_| layer.pick_first(row.components))
+            })
+        });
+        found.filter(|channels| channels[0].file == 0).unwrap_or_else(|| color.mean.channels.clone())
+    }
+
+    /// All further layers that may be of use beside `color`, the likeliest first.
+    pub(super) fn candidates(&self, color: &Candidate) -> Vec<Candidate> {
+        let statistics = self.statistics();
+        let mut found: Vec<Candidate> = self
+            .mapped
+            .iter()
+            .filter(|mapped| mapped.target.role != Role::Color && mapped.target.statistic == Statistic::Mean)
+            .filter(|mapped| !mapped.channels.is_empty())
+            .filter_map(|mapped| self.candidate_of(mapped.clone()))
+            .collect();
+        for row in self.all_rows().filter(|row| !matches!(row.role, Role::Color | Role::Beauty)) {
+            for (i, layer) in self.layers.iter().enumerate() {
+                let usable = !statistics.contains(&i) && self.goes_with(i, color);
+                let Some(matched) = match_layer(row.layer, &layer.name).filter(|_| usable) else { continue };
+                let Some(channels) = layer.pick_first(row.components) else { continue };
+                if channels.iter().any(|channel| color.mean.channels.contains(channel)) {
+                    continue;
+                }
+                let candidate = self.candidate(i, row, matched.number, channels);
+                let target = &candidate.mean.target;
+                if self.mapped(target.role, &target.feature, Statistic::Mean).is_none() {
+                    found.push(candidate);
+                }
+            }
+        }
+        found
+    }
+
+    /// The view must be the colour's, and so must the layers around (Cycles' view layer).
+    fn goes_with(&self, layer: usize, color: &Candidate) -> bool {
+        let (layer, color) = (&self.layers[layer], &self.layers[color.layer]);
+        let same_view = layer.view.is_none() || color.view.is_none() || layer.view == color.view;
+        let around = color.name.rfind('.').map_or("", |dot| &color.name[..=dot]);
+        same_view && layer.name.starts_with(around)
+    }
+
+    fn rows(&self, role: Role) -> impl Iterator<Item = &'static LayerRow> {
+        self.all_rows().filter(move |row| row.role == role)
+    }
+
+    /// The renderer's rows, then the plain ones.
+    fn all_rows(&self) -> impl Iterator<Item = &'static LayerRow> + use<> {
+        let renderer = self.renderer;
+        let own = LAYERS.iter().filter(move |row| row.renderer == renderer && renderer != Renderer::Plain);
+        own.chain(LAYERS.iter().filter(|row| row.renderer == Renderer::Plain))
+    }
+
+    fn companion_rows(&self) -> impl Iterator<Item = &'static CompanionRow> + use<> {
+        let renderer = self.renderer;
+        let own =
+            COMPANIONS.iter().filter(move |row| row.renderer == renderer && renderer != Renderer::Plain);
+        own.chain(COMPANIONS.iter().filter(|row| row.renderer == Renderer::Plain))
+    }
+
+    fn mapped(&self, role: Role, feature: &str, statistic: Statistic) -> Option<&Mapped> {
+        self.mapped.iter().find(|mapped| {
+            let target = &mapped.target;
+            target.role == role && target.feature == feature && same_slot(target.statistic, statistic)
+        })
+    }
+
+    /// Layers that hold a statistic of another one, and so no mean.
+    fn statistics(&self) -> BTreeSet<usize> {
+        let named = |(i, layer): (usize, &Layer)| {
+            let rows = self.companion_rows();
+            rows.flat_map(|row| companion_names(row, &layer.name))
+                .flat_map(move |name| self.layers_named(name).filter(move |&other| other != i))
+                .collect::<Vec<_>>()
+        };
+        self.layers.iter().enumerate().flat_map(named).collect()
+    }
+
+    fn layers_named(&self, name: String) -> impl Iterator<Item = usize> {
+        (0..self.layers.len()).filter(move |&i| self.layers[i].name.eq_ignore_ascii_case(&name))
+    }
+
+    fn candidate(&self, layer: usize, row: &LayerRow, number: &str, channels: Vec<Channel>) -> Candidate {
+        let feature = match row.role {
+            Role::Feature(kind) => format!("{}{number}", feature_name(kind)),
+            _ => String::new(),
+        };
+        let target = Target { role: row.role, feature, statistic: Statistic::Mean };
+        let mean = Choice { target, channels };
+        let companions = self.companions(layer, &mean);
+        Candidate { mean, companions, evidence: row.evidence, layer }
+    }
+
+    /// A mapped mean, with the companions of the layer it begins in.
+    fn candidate_of(&self, mean: Choice) -> Option<Candidate> {
+        let first = mean.channels.first()?;
+        let holds = |layer: &Layer| layer.components.iter().any(|(_, channel)| channel == first);
+        let layer = self.layers.iter().position(holds)?;
+        let companions = self.companions(layer, &mean);
+        Some(Candidate { mean, companions, evidence: Evidence::Name, layer })
+    }
+
+    /// The statistics of `mean`, as mapped by the user or as named after its `layer`.
+    fn companions(&self, layer: usize, mean: &Choice) -> Vec<Choice> {
+        let (role, feature) = (mean.target.role, mean.target.feature.as_str());
+        let is_color = matches!(role, Role::Color | Role::ColorCopy | Role::ColorXyz);
+        let target = |statistic| Target { role, feature: feature.to_owned(), statistic };
+        let mut found: Vec<Choice> = Vec::new();
+        for slot in [Statistic::Variance(super::VarianceKind::Mean), Statistic::HalfA, Statistic::HalfB] {
+            if let Some(mapped) = self.mapped(role, feature, slot) {
+                found.push(mapped.clone());
+                continue;
+            }
+            let rows = self.companion_rows().filter(|row| {
+                same_slot(row.statistic, slot) && row.of != if is_color { Of::Features } else { Of::Color }
+            });
+            let channels = rows.into_iter().find_map(|row| {
+                let layers = companion_names(row, &self.layers[layer].name)
+                    .into_iter()
+                    .flat_map(|name| self.layers_named(name));
+                layers
+                    .filter(|&other| other != layer)
+                    .find_map(|other| Some((row.statistic, self.pick_like(layer, mean, other)?)))
+            });
+            if let Some((statistic, channels)) = channels {
+                found.push(Choice { target: target(statistic), channels });
+            }
+        }
+        found.retain(|choice| !choice.channels.is_empty());
+        found
+    }
+
+    /// The channels of `other` with the names that `mean` has in `layer`; or its only channel for
+    /// all of them, as with a variance of the luminance.
+    fn pick_like(&self, layer: usize, mean: &Choice, other: usize) -> Option<Vec<Channel>> {
+        let components = &self.layers[layer].components;
+        let name_of = |wanted: &Channel| {
+            components.iter().find(|(_, channel)| channel == wanted).map(|(name, _)| name.as_str())
+        };
+        let names: Option<Vec<&str>> = mean.channels.iter().map(name_of).collect();
+        let other = &self.layers[other];
+        other.pick(&names?).or_else(|| match other.components.as_slice() {
+            [(_, only)] => Some(vec![*only; mean.channels.len()]),
+            _ => None,
+        })
+    }
+}
+
+/// What the candidates come to.
+pub(super) struct Cast {
+    pub(super) choices: Vec<Choice>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Decides which candidates play, given the planes of any channels.
+pub(super) fn settle<'p>(
+    color: &Candidate,
+    candidates: &[Candidate],
+    plane: impl Fn(Channel) -> &'p Plane,
+) -> Cast {
+    let planes = |choice: &Choice| choice.channels.iter().map(|&c| plane(c)).collect::<Vec<_>>();
+    let shown = planes(&color.mean);
+    let mut cast = Cast { choices: vec![color.mean.clone()], notes: Vec::new() };
+    let mut used: BTreeSet<Channel> = color.mean.channels.iter().copied().collect();
+    cast.choices.extend(color.companions.iter().cloned());
+    for candidate in candidates {
+        let target = &candidate.mean.target;
+        let taken =
+            cast.choices.iter().any(|c| c.target.role == target.role && c.target.feature == target.feature);
+        if taken
+            || candidate.mean.channels.iter().any(|channel| used.contains(channel))
+            || !evidence::holds(candidate.evidence, &planes(&candidate.mean), &shown)
+        {
+            continue;
+        }
+        used.extend(&candidate.mean.channels);
+        match target.role {
+            Role::ColorCopy => adopt_statistics(&mut cast.choices, &candidate.companions),
+            Role::ColorXyz if !candidate.companions.is_empty() => cast.notes.push(
+                "the second moments are those of CIE XYZ and say nothing about RGB: they are not used; \
+                 in Mitsuba put `moment` around `aov`, not inside it"
+                    .to_owned(),
+            ),
+            Role::ColorXyz => {}
+            _ => {
+                cast.choices.push(candidate.mean.clone());
+                cast.choices.extend(candidate.companions.iter().cloned());
+            }
+        }
+    }
+    cast
+}
+
+/// The statistics of a copy of the colour are the colour's, where it has none itself.
+fn adopt_statistics(choices: &mut Vec<Choice>, companions: &[Choice]) {
+    for companion in companions {
+        let target = Target { role: Role::Color, ..companion.target.clone() };
+        let there =
+            |c: &Choice| c.target.role == Role::Color && same_slot(c.target.statistic, target.statistic);
+        if !choices.iter().any(there) {
+            choices.push(Choice { target, channels: companion.channels.clone() });
+        }
+    }
+}
+
+/// Whether two statistics exclude each other: variances of any kind do.
+fn same_slot(a: Statistic, b: Statistic) -> bool {
+    matches!((a, b), (Statistic::Variance(_), Statistic::Variance(_))) || a == b
+}
+
+fn feature_name(kind: FeatureKind) -> &'static str {
+    FEATURES.iter().find(|(_, k)| *k == kind).map_or("feature", |(name, _)| name)
+}

@@ -1,0 +1,169 @@
+//! Whatever a renderer calls variance, as the variance of the mean.
+//!
+//! Nothing is repaired here: negative, infinite or NaN results (half floats make `m2 < m²`, PBRT's
+//! overflow) are left for the denoiser's first stage to replace and count.
+
+use super::channels::VarianceKind;
+use crate::error::{Error, ErrorKind, Result};
+use crate::image::Plane;
+
+/// How many samples a pixel has.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Samples {
+    /// Nobody says.
+    Unknown,
+    /// All pixels the same.
+    Uniform(f32),
+    /// Each its own.
+    PerPixel(Plane),
+}
+
+impl Samples {
+    /// From the number in the header or of the user, and the plane of a sample count layer, which
+    /// may hold numbers or, as in Cycles, shares of the number.
+    pub(super) fn new(uniform: Option<f32>, plane: Option<Plane>) -> Self {
+        let Some(mut plane) = plane else { return uniform.map_or(Self::Unknown, Self::Uniform) };
+        let most = plane.data().iter().copied().filter(|n| n.is_finite()).fold(0.0, f32::max);
+        match (most, uniform) {
+            (0.0, _) => uniform.map_or(Self::Unknown, Self::Uniform),
+            (..=1.0, Some(all)) => {
+                plane.data_mut().iter_mut().for_each(|share| *share *= all);
+                Self::PerPixel(plane)
+            }
+            (..=1.0, None) => Self::Unknown,
+            _ => Self::PerPixel(plane),
+        }
+    }
+
+    /// The mean over the picture.
+    pub(super) fn mean(&self) -> Option<f32> {
+        match self {
+            Self::Unknown => None,
+            Self::Uniform(n) => Some(*n),
+            Self::PerPixel(plane) => {
+                let sum: f64 = plane.data().iter().map(|&n| f64::from(n)).sum();
+                Some((sum / plane.data().len() as f64) as f32)
+            }
+        }
+    }
+
+    fn at(&self, i: usize) -> Option<f32> {
+        match self {
+            Self::Unknown => None,
+            Self::Uniform(n) => Some(*n),
+            Self::PerPixel(plane) => Some(plane.data()[i]),
+        }
+    }
+}
+
+/// Turns `stored` into the variance of `mean`, in place.
+///
+/// # Errors
+/// `Lacking` when the number of samples is needed and not known, or is 1.
+pub(super) fn to_variance_of_mean(
+    kind: VarianceKind,
+    stored: &mut Plane,
+    mean: &Plane,
+    samples: &Samples,
+) -> Result<()> {
+    let needs_more_than = match kind {
+        VarianceKind::Mean | VarianceKind::Stddev | VarianceKind::Halves => None,
+        VarianceKind::Sample => Some(0.0),
+        VarianceKind::M2 => Some(1.0),
+    };
+    if let Some(least) = needs_more_than {
+        match samples.mean() {
+            None => {
+                return Err(lacking("the number of samples is not in the file").remedy("give it by --spp N"));
+            }
+            Some(n) if n <= least => return Err(lacking("one sample per pixel has no variance")),
+            Some(_) => {}
+        }
+    }
+    for (i, value) in stored.data_mut().iter_mut().enumerate() {
+        let n = samples.at(i).unwrap_or(1.0);
+        *value = match kind {
+            VarianceKind::Mean | VarianceKind::Halves => *value,
+            VarianceKind::Stddev => *value * *value,
+            VarianceKind::Sample => *value / n,
+            VarianceKind::M2 => (*value - mean.data()[i] * mean.data()[i]) / (n - 1.0),
+        };
+    }
+    Ok(())
+}
+
+fn lacking(what: &str) -> Error {
+    Error::new(ErrorKind::Lacking, what)
+}
+
+/// [choice] Radius of the box over which the variance from two halves is averaged: a single pixel's
+/// has one degree of freedom and is worthless alone, 25 of them are as good as 26 samples.
+const HALVES_RADIUS: usize = 2;
+
+/// The variance of the mean of two independent halves, `(A−B)²/4`, averaged over a small box. Pixels
+/// where a half is not finite do not count.
+pub(super) fn from_halves(a: &Plane, b: &Plane) -> Plane {
+    let (width, height) = a.size();
+    let raw = Plane::from_fn(width, height, |x, y| (a.get(x, y) - b.get(x, y)).powi(2) / 4.0);
+    Plane::from_fn(width, height, |x, y| {
+        let (mut sum, mut count) = (0.0_f64, 0_u32);
+        for row in y.saturating_sub(HALVES_RADIUS)..(y + HALVES_RADIUS + 1).min(height) {
+            let columns = x.saturating_sub(HALVES_RADIUS)..(x + HALVES_RADIUS + 1).min(width);
+            for value in raw.row(row)[columns].iter().filter(|value| value.is_finite()) {
+                sum += f64::from(*value);
+                count += 1;
+            }
+        }
+        if count > 0 { (sum / f64::from(count)) as f32 } else { f32::NAN }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn converted(kind: VarianceKind, stored: f32, mean: f32, samples: &Samples) -> Result<f32> {
+        let mut plane = Plane::filled(2, 1, stored);
+        to_variance_of_mean(kind, &mut plane, &Plane::filled(2, 1, mean), samples)?;
+        Ok(plane.get(1, 0))
+    }
+
+    #[test]
+    fn every_kind_becomes_the_variance_of_the_mean() {
+        let five = Samples::Uniform(5.0);
+        assert_eq!(converted(VarianceKind::Mean, 0.5, 3.0, &Samples::Unknown).unwrap(), 0.5);
+        assert_eq!(converted(VarianceKind::Stddev, 0.5, 3.0, &Samples::Unknown).unwrap(), 0.25);
+        assert_eq!(converted(VarianceKind::Sample, 0.5, 3.0, &five).unwrap(), 0.1);
+        assert_eq!(converted(VarianceKind::M2, 11.0, 3.0, &five).unwrap(), 0.5);
+        let per_pixel = Samples::PerPixel(Plane::from_vec(2, 1, vec![1.0, 3.0]).unwrap());
+        assert_eq!(converted(VarianceKind::M2, 11.0, 3.0, &per_pixel).unwrap(), 1.0);
+    }
+
+    #[test]
+    fn unknown_or_single_samples_are_an_error_where_they_matter() {
+        for kind in [VarianceKind::Sample, VarianceKind::M2] {
+            let error = converted(kind, 1.0, 1.0, &Samples::Unknown).unwrap_err();
+            assert!(error.to_string().contains("--spp"), "{error}");
+        }
+        assert!(converted(VarianceKind::M2, 1.0, 1.0, &Samples::Uniform(1.0)).is_err());
+    }
+
+    #[test]
+    fn sample_counts_may_be_shares_of_the_whole() {
+        let shares = Plane::from_vec(2, 1, vec![0.25, 1.0]).unwrap();
+        let counts = Samples::new(Some(64.0), Some(shares.clone()));
+        assert_eq!(counts, Samples::PerPixel(Plane::from_vec(2, 1, vec![16.0, 64.0]).unwrap()));
+        assert_eq!(counts.mean(), Some(40.0));
+        assert_eq!(Samples::new(None, Some(shares)), Samples::Unknown);
+        let numbers = Plane::from_vec(2, 1, vec![4.0, 8.0]).unwrap();
+        assert_eq!(Samples::new(Some(64.0), Some(numbers.clone())), Samples::PerPixel(numbers));
+    }
+
+    #[test]
+    fn halves_give_the_variance_of_their_mean() {
+        // A − B is ±2 everywhere: the variance of the mean is 1, also where a pixel is broken.
+        let a = Plane::from_fn(9, 6, |x, y| if (x, y) == (4, 3) { f32::NAN } else { (x + y) as f32 });
+        let b = Plane::from_fn(9, 6, |x, y| (x + y) as f32 + if x % 2 == 0 { 2.0 } else { -2.0 });
+        assert_eq!(from_halves(&a, &b), Plane::filled(9, 6, 1.0));
+    }
+}
