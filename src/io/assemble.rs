@@ -47,6 +47,17 @@ pub(super) struct Remarks {
     pub(super) warnings: Vec<String>,
 }
 
+impl Remarks {
+    /// The variance of `name` is not used; those that fail alike are told together.
+    fn cannot_convert(&mut self, name: &str, error: &Error) {
+        let end = format!(": the variance is not used: {error}");
+        match self.warnings.iter_mut().find(|warning| warning.ends_with(&end)) {
+            Some(warning) => warning.insert_str(warning.len() - end.len(), &format!(", {name}")),
+            None => self.warnings.push(format!("{name}{end}")),
+        }
+    }
+}
+
 /// What the user says about statistics.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Given {
@@ -172,7 +183,7 @@ impl Group {
             match planes.iter_mut().zip(&mean).try_for_each(convert) {
                 Ok(()) => Some(planes),
                 Err(error) => {
-                    remarks.warnings.push(format!("{name}: its variance is not used: {error}"));
+                    remarks.cannot_convert(name, &error);
                     None
                 }
             }

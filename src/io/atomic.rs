@@ -55,6 +55,21 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_atomically(path.as_ref(), |file| file.write_all(bytes).map_err(|error| cannot_write(&error)))
 }
 
+/// Checks that a file can be written at `target`, before the work that is to fill it.
+///
+/// # Errors
+/// `Unwritable` when it is a folder, or its folder is missing or takes no new file.
+pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
+    let target = target.as_ref();
+    if target.is_dir() {
+        let what = "is a folder where a file was expected";
+        return Err(Error::new(ErrorKind::Unwritable, what).remedy("name a file in it").in_file(target));
+    }
+    let temporary = temporary_name(target);
+    let created = File::create(&temporary).and_then(|_| fs::remove_file(&temporary));
+    created.map_err(|error| cannot_write(&error).in_file(target))
+}
+
 /// Removes the temporary files that this process is writing, and keeps it from renaming any: for a
 /// program that is told to stop and exits at once. Blocks every later write for good.
 pub fn abandon_temporaries() {
@@ -124,7 +139,7 @@ mod tests {
         });
         assert_eq!(failed.unwrap_err().file(), Some(target.as_path()));
         assert_eq!(fs::read(&target).unwrap(), b"old");
-        write_atomically(&target, |file| Ok(file.write_all(b"new").unwrap())).unwrap();
+        write_bytes(&target, b"new").unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"new");
         assert_eq!(names(folder.path()), ["out.exr"]);
     }

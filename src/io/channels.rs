@@ -94,6 +94,17 @@ pub enum VarianceKind {
     Halves,
 }
 
+impl VarianceKind {
+    /// All of them, with the names that the command line takes.
+    pub const NAMES: [(&'static str, VarianceKind); 5] = [
+        ("mean", VarianceKind::Mean),
+        ("sample", VarianceKind::Sample),
+        ("m2", VarianceKind::M2),
+        ("stddev", VarianceKind::Stddev),
+        ("halves", VarianceKind::Halves),
+    ];
+}
+
 /// Which statistic of a role a layer holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Statistic {

@@ -23,7 +23,7 @@ mod roles;
 mod siblings;
 mod variance;
 
-pub use atomic::{abandon_temporaries, write_bytes};
+pub use atomic::{abandon_temporaries, check_target, write_bytes};
 pub use channels::{Renderer, VarianceKind};
 pub use layout::{FileLayout, Layout, PartLayout, RoleLayout};
 pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS};

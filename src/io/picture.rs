@@ -212,6 +212,11 @@ fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
 fn no_color(layers: &[Layer]) -> Error {
     /// Enough to recognise the file, few enough for a message.
     const NAMED: usize = 12;
+    let bare = layers.iter().filter(|layer| layer.name.is_empty()).flat_map(|layer| &layer.components);
+    if bare.into_iter().any(|(component, _)| ["Y", "RY", "BY"].contains(&component.as_str())) {
+        return Error::new(ErrorKind::Unreadable, "stores luminance (and chroma) where RGB was expected")
+            .remedy("convert it to RGB, or denoise the luminance alone by --map color=Y");
+    }
     let names: Vec<&str> = layers.iter().take(NAMED).map(|layer| layer.name.as_str()).collect();
     let more = if layers.len() > NAMED { ", …" } else { "" };
     Error::new(

@@ -4,14 +4,16 @@
 //! decoded, its channels replaced, and encoded again; that loses nothing as long as its compression
 //! is lossless for what passes through, and otherwise it is written with ZIP instead.
 
+use std::ops::Range;
 use std::path::Path;
 
-use exr::block::UncompressedBlock;
 use exr::block::lines::LineIndex;
 use exr::block::writer::ChunksWriter;
-use exr::meta::attribute::{ChannelDescription, ChannelList, SampleType, Text};
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
-use exr::prelude::Compression;
+use exr::prelude::{Compression, Vec2};
 use half::f16;
 
 use super::atomic::write_atomically;
@@ -77,7 +79,7 @@ pub(super) fn rewrite(
                     document.for_each_block(part, |blocks| {
                         let input = &document.headers()[part];
                         let blocks =
-                            blocks.into_iter().map(|(index, block)| (index, new.block(input, &block)));
+                            blocks.iter().flat_map(|(index, block)| new.blocks(input, *index, block));
                         write_blocks(writer, &meta.headers, blocks.collect()).map_err(encode_error)
                     })
                 } else {
@@ -126,23 +128,47 @@ impl<'a> NewPart<'a> {
         Self { header, sources }
     }
 
-    /// The block of the output for the one of the input at the same place.
-    fn block(&self, input: &Header, block: &UncompressedBlock) -> UncompressedBlock {
-        // Where the lines of the input's channels start: of the block's first row, and per row.
-        let width = block.index.pixel_size.width();
-        let lines: Vec<_> = LineIndex::lines_in_block(block.index, &input.channels).collect();
+    /// The blocks of the output for one of the input: the one at the same place, or several lower ones
+    /// where the new compression takes fewer lines together.
+    fn blocks(
+        &self,
+        input: &Header,
+        index: usize,
+        block: &UncompressedBlock,
+    ) -> Vec<(usize, UncompressedBlock)> {
+        let step = match input.blocks {
+            BlockDescription::Tiles(_) => input.max_block_pixel_size().height(),
+            BlockDescription::ScanLines => self.header.compression.scan_lines_per_block(),
+        };
+        let split = input.max_block_pixel_size().height() / step; // ZIP's 16 lines divide all others
+        let BlockIndex { pixel_position: at, pixel_size: size, .. } = block.index;
+        // The input's lines, row by row and channel by channel.
+        let lines: Vec<Range<usize>> =
+            LineIndex::lines_in_block(block.index, &input.channels).map(|(bytes, _)| bytes).collect();
         let channels = input.channels.list.len();
-        let top = block.index.pixel_position.y();
-        block_from_lines(&self.header, block.index, |channel, x, y, target| match self.sources[channel] {
-            Source::Input(index) => {
-                let (bytes, _) = &lines[(y - top) * channels + index];
-                target.copy_from_slice(&block.data[bytes.clone()]);
-            }
-            Source::Plane(plane) => {
-                let samples = &plane.row(y)[x..x + width];
-                store(samples, self.header.channels.list[channel].sample_type, target);
-            }
-        })
+        let mut blocks: Vec<_> = (0..size.height().div_ceil(step))
+            .map(|k| {
+                let position = Vec2(at.x(), at.y() + k * step);
+                let size = Vec2(size.width(), step.min(size.height() - k * step));
+                let place = BlockIndex { pixel_position: position, pixel_size: size, ..block.index };
+                let line = |channel: usize, x: usize, y: usize, target: &mut [u8]| match self.sources[channel]
+                {
+                    Source::Input(source) => {
+                        let bytes = lines[(y - at.y()) * channels + source].clone();
+                        target.copy_from_slice(&block.data[bytes]);
+                    }
+                    Source::Plane(plane) => {
+                        let samples = &plane.row(y)[x..x + size.width()];
+                        store(samples, self.header.channels.list[channel].sample_type, target);
+                    }
+                };
+                (index * split + k, block_from_lines(&self.header, place, line))
+            })
+            .collect();
+        if input.line_order == LineOrder::Decreasing {
+            blocks.reverse();
+        }
+        blocks
     }
 }
 
@@ -199,7 +225,8 @@ mod tests {
         let new = of(SampleType::F16, Source::Plane(&plane));
         assert_eq!(compression(Compression::B44, &[new.clone(), float.clone()]), Compression::B44);
         assert_eq!(compression(Compression::B44, &[new.clone(), passed.clone()]), Compression::ZIP16);
-        assert_eq!(compression(Compression::DWAA(Some(45.0)), &[new.clone()]), Compression::DWAA(Some(45.0)));
+        let only = std::slice::from_ref(&new);
+        assert_eq!(compression(Compression::DWAA(Some(45.0)), only), Compression::DWAA(Some(45.0)));
         assert_eq!(compression(Compression::DWAA(None), &[new.clone(), float.clone()]), Compression::ZIP16);
         assert_eq!(compression(Compression::PXR24, &[new, float]), Compression::PXR24);
         assert_eq!(compression(Compression::PIZ, &[passed]), Compression::PIZ);

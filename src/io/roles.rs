@@ -243,11 +243,13 @@ pub(super) fn settle<'p>(
         used.extend(&candidate.mean.channels);
         match target.role {
             Role::ColorCopy => adopt_statistics(&mut cast.choices, &candidate.companions),
-            Role::ColorXyz if !candidate.companions.is_empty() => cast.notes.push(
-                "the second moments are those of CIE XYZ and say nothing about RGB: they are not used; \
+            Role::ColorXyz if !candidate.companions.is_empty() && !has_variance(&cast.choices) => {
+                cast.notes.push(
+                    "the second moments are those of CIE XYZ and say nothing about RGB: they are not used; \
                  in Mitsuba put `moment` around `aov`, not inside it"
-                    .to_owned(),
-            ),
+                        .to_owned(),
+                )
+            }
             Role::ColorXyz => {}
             _ => {
                 cast.choices.push(candidate.mean.clone());
@@ -256,6 +258,12 @@ pub(super) fn settle<'p>(
         }
     }
     cast
+}
+
+fn has_variance(choices: &[Choice]) -> bool {
+    choices.iter().any(|choice| {
+        choice.target.role == Role::Color && matches!(choice.target.statistic, Statistic::Variance(_))
+    })
 }
 
 /// The statistics of a copy of the colour are the colour's, where it has none itself.

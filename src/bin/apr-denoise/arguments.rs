@@ -1,0 +1,122 @@
+//! The command line.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
+use clap::Parser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+/// Denoise a Monte Carlo render.
+///
+/// Reads an OpenEXR file of any renderer, denoises its beauty with whatever variances, half buffers
+/// and features it finds, and writes the file again: only the beauty's channels change.
+#[derive(Debug, Parser)]
+#[command(name = "apr-denoise", version, after_help = EXIT_CODES)]
+pub struct Arguments {
+    /// The render (EXR).
+    pub input: PathBuf,
+    /// Where the result goes (EXR); may be the input. Appears whole or not at all.
+    #[arg(required_unless_present = "inspect")]
+    pub output: Option<PathBuf>,
+
+    /// Print what was found and what would be run, and stop.
+    #[arg(long)]
+    pub inspect: bool,
+    /// With --inspect: print JSON.
+    #[arg(long, requires = "inspect")]
+    pub json: bool,
+    /// Write a report of the run.
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
+    #[arg(long)]
+    pub aux: bool,
+    /// Print nothing but errors.
+    #[arg(long, short)]
+    pub quiet: bool,
+    /// Use this many threads [default: one per core]. The result does not depend on it.
+    #[arg(long, value_name = "N")]
+    pub threads: Option<NonZeroUsize>,
+
+    /// The renderer that wrote the file [default: recognised by attributes and channel names].
+    #[arg(long, value_name = "NAME", value_parser = renderer(), help_heading = "Channels")]
+    pub profile: Option<Renderer>,
+    /// Give channels a role, against what the channel map says. ROLE is color, variance, halfA, halfB,
+    /// sampleCount, albedo, normal, position, depth, visibility, or a feature's name followed by
+    /// Variance, HalfA or HalfB. CHANNELS is a list of channels, a layer, or none.
+    #[arg(long, value_name = "ROLE=CHANNELS", help_heading = "Channels")]
+    pub map: Vec<Mapping>,
+    /// Add a further feature.
+    #[arg(long, value_name = "NAME=CHANNELS", help_heading = "Channels")]
+    pub feature: Vec<Mapping>,
+    /// Read further layers from this file; its bare channels form a layer of the file's name.
+    #[arg(long, value_name = "FILE", help_heading = "Channels")]
+    pub with: Vec<PathBuf>,
+    /// The same frame rendered with another seed: both become the halves of one render.
+    #[arg(long, value_name = "FILE", help_heading = "Channels")]
+    pub half: Option<PathBuf>,
+    /// What variance buffers hold, where the channel map does not know.
+    #[arg(long, value_name = "KIND", value_parser = variance_kind(), help_heading = "Channels")]
+    pub variance_kind: Option<VarianceKind>,
+    /// Samples per pixel, where the header lacks it.
+    #[arg(long, value_name = "N", value_parser = positive, help_heading = "Channels")]
+    pub spp: Option<f32>,
+
+    /// Set one option of the denoiser; VALUE is JSON, KEY may go into depth with dots.
+    #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
+    pub set: Vec<String>,
+    /// Read options of the denoiser from a JSON object.
+    #[arg(long, value_name = "FILE.json", help_heading = "Denoiser")]
+    pub options: Option<PathBuf>,
+}
+
+const EXIT_CODES: &str = "Exit codes:
+  0    done
+  2    usage: an option or argument makes no sense
+  3    an input is missing, damaged, or uses a feature that is not supported
+  4    the input lacks what is needed: no colour, sizes that differ
+  5    the result cannot be written
+  70   a defect of this program
+  130  interrupted (SIGINT)
+  143  told to stop (SIGTERM)";
+
+impl Arguments {
+    /// How to understand the input.
+    pub fn read_options(&self) -> ReadOptions {
+        ReadOptions {
+            profile: self.profile,
+            map: self.map.clone(),
+            features: self.feature.clone(),
+            variance_kind: self.variance_kind,
+            spp: self.spp,
+            half: self.half.clone(),
+            with: self.with.clone(),
+        }
+    }
+}
+
+fn one_of<T>(names: &'static [(&'static str, T)]) -> impl TypedValueParser<Value = T>
+where
+    T: Copy + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names.iter().map(|(name, _)| *name)).map(|chosen| {
+        let found = names.iter().find(|(name, _)| *name == chosen);
+        found.expect("the parser lets only these names through").1
+    })
+}
+
+fn renderer() -> impl TypedValueParser<Value = Renderer> {
+    one_of(&Renderer::NAMES)
+}
+
+fn variance_kind() -> impl TypedValueParser<Value = VarianceKind> {
+    one_of(&VarianceKind::NAMES)
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(n) if n > 0.0 && f32::is_finite(n) => Ok(n),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}

@@ -1,0 +1,102 @@
+//! Seconds and memory of each stage: the library reads no clock, so the program does.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use apr::denoise::{Observer, Stage};
+use serde::Serialize;
+
+use crate::progress::Progress;
+
+/// What a stage cost.
+#[derive(Debug, Clone, Serialize)]
+pub struct Cost {
+    /// Which one.
+    pub stage: String,
+    /// Wall clock.
+    pub seconds: f64,
+    /// Most memory that the process had resident during the stage, where the system tells.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// Measures stages and passes their progress on.
+pub struct Clock {
+    progress: Progress,
+    running: Mutex<Running>,
+}
+
+struct Running {
+    done: Vec<Cost>,
+    current: Option<(String, Instant)>,
+}
+
+impl Clock {
+    /// Starts with no stage.
+    pub fn new(progress: Progress) -> Self {
+        Self { progress, running: Mutex::new(Running { done: Vec::new(), current: None }) }
+    }
+
+    /// The stage before ends here and `name` begins.
+    pub fn begin(&self, name: &str) {
+        let mut running = self.running.lock().expect("no holder panics");
+        running.end_current();
+        running.current = Some((name.to_owned(), Instant::now()));
+        memory::reset_peak();
+        self.progress.stage(name);
+    }
+
+    /// Ends the last stage and tells all.
+    pub fn finish(self) -> Vec<Cost> {
+        let mut running = self.running.into_inner().expect("no holder panics");
+        running.end_current();
+        self.progress.finish();
+        running.done
+    }
+}
+
+impl Running {
+    fn end_current(&mut self) {
+        if let Some((stage, start)) = self.current.take() {
+            let seconds = start.elapsed().as_secs_f64();
+            self.done.push(Cost { stage, seconds, peak_memory_bytes: memory::peak() });
+        }
+    }
+}
+
+impl Observer for Clock {
+    fn stage(&self, stage: Stage) {
+        self.begin(&name(stage));
+    }
+
+    fn progress(&self, done: f32) {
+        self.progress.share(done);
+    }
+}
+
+/// A stage's name in reports and on the progress bar.
+pub fn name(stage: Stage) -> String {
+    match stage {
+        Stage::Sanitize => "sanitize".to_owned(),
+        Stage::Outliers => "outliers".to_owned(),
+        Stage::Prefilter => "prefilter".to_owned(),
+        Stage::Fit(n) => format!("fit {n}"),
+        Stage::Energy => "energy".to_owned(),
+    }
+}
+
+/// Resident memory as Linux counts it; elsewhere nothing is known.
+mod memory {
+    /// The most since [`reset_peak`], in bytes.
+    pub fn peak() -> Option<u64> {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+        let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        Some(kilobytes * 1024)
+    }
+
+    /// Starts counting anew; without the right to do so the peak stays that of the whole run.
+    pub fn reset_peak() {
+        const RESET_PEAK: &str = "5"; // see proc_pid_clear_refs(5)
+        let _ = std::fs::write("/proc/self/clear_refs", RESET_PEAK);
+    }
+}

@@ -1,0 +1,54 @@
+//! The denoiser's options from a file and from `--set`, whatever they are called.
+
+use apr::Options;
+use apr::error::{Error, ErrorKind, Result};
+use serde_json::Value;
+
+use crate::arguments::Arguments;
+
+/// The options: the defaults, then the file's, then each `--set` in turn.
+pub fn options(arguments: &Arguments) -> Result<Options> {
+    let mut value = serde_json::to_value(Options::default()).map_err(internal)?;
+    if let Some(path) = &arguments.options {
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}")).in_file(path)
+        })?;
+        let given = serde_json::from_str(&text).map_err(|error| usage(&error).in_file(path))?;
+        let Value::Object(given) = given else {
+            return Err(Error::new(ErrorKind::Usage, "is no JSON object of options").in_file(path));
+        };
+        for (key, new) in given {
+            replace(&mut value, &key, new).map_err(|error| error.in_file(path))?;
+        }
+    }
+    for setting in &arguments.set {
+        let (key, text) = setting.split_once('=').ok_or_else(|| {
+            Error::new(ErrorKind::Usage, format!("'{setting}' sets nothing")).remedy("write --set KEY=VALUE")
+        })?;
+        // What is no JSON is a text without its quotes.
+        let new = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
+        replace(&mut value, key, new)?;
+    }
+    serde_json::from_value(value).map_err(|error| usage(&error))
+}
+
+/// Sets the option at `key`, whose dots go into depth.
+fn replace(options: &mut Value, key: &str, new: Value) -> Result<()> {
+    let known = options.as_object().map(|all| all.keys().cloned().collect::<Vec<_>>().join(", "));
+    let pointer = format!("/{}", key.trim().replace('.', "/"));
+    let slot = options.pointer_mut(&pointer).ok_or_else(|| {
+        Error::new(ErrorKind::Usage, format!("there is no option '{key}'"))
+            .remedy(format!("the options are {}", known.unwrap_or_default()))
+    })?;
+    *slot = new;
+    Ok(())
+}
+
+fn usage(error: &serde_json::Error) -> Error {
+    Error::new(ErrorKind::Usage, format!("the options make no sense: {error}"))
+        .remedy("see the documentation of apr::Options")
+}
+
+fn internal(error: serde_json::Error) -> Error {
+    Error::new(ErrorKind::Internal, error.to_string())
+}

@@ -1,0 +1,447 @@
+//! What every renderer's names come to.
+
+mod exr_files;
+
+use std::path::Path;
+
+use apr::FeatureKind;
+use apr::io::{Picture, ReadOptions, Renderer, VarianceKind};
+use exr::prelude::*;
+use exr_files::{channels, float, layer, scan_lines, values, write_one};
+
+const SIZE: (usize, usize) = (6, 5);
+
+/// Writes a file with these channels and attributes, and reads it.
+fn picture(
+    folder: &Path,
+    names: &[&str],
+    attributes: &[(&str, AttributeValue)],
+    options: &ReadOptions,
+) -> Picture {
+    let mut layer = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, names));
+    layer.attributes.other.extend(attributes.iter().map(|(name, value)| (Text::from(*name), value.clone())));
+    let path = folder.join("render.exr");
+    write_one(&path, layer);
+    Picture::read(&path, options).unwrap()
+}
+
+/// The roles as `role statistic: first channel`.
+fn roles(picture: &Picture) -> Vec<String> {
+    let roles = picture.layout().roles.iter();
+    roles.map(|role| format!("{} {}: {}", role.role, role.statistic, role.channels[0])).collect()
+}
+
+fn text(value: &str) -> AttributeValue {
+    AttributeValue::Text(Text::from(value))
+}
+
+#[test]
+fn every_renderer_is_recognised_and_its_channels_find_their_roles() {
+    type Case<'a> = (Renderer, &'a [&'a str], &'a [(&'a str, AttributeValue)], &'a [&'a str]);
+    let blender = [("cycles.View.samples", text("16")), ("BlenderMultiChannel", text("Blender"))];
+    let arnold = [("arnold/AA_samples", AttributeValue::I32(3))];
+    let cases: &[Case] = &[
+        (
+            Renderer::Plain,
+            &[
+                "R",
+                "G",
+                "B",
+                "variance.R",
+                "variance.G",
+                "variance.B",
+                "halfA.R",
+                "halfA.G",
+                "halfA.B",
+                "albedo.R",
+                "albedo.G",
+                "albedo.B",
+                "albedoVariance.R",
+                "albedoVariance.G",
+                "albedoVariance.B",
+                "albedo2.R",
+                "albedo2.G",
+                "albedo2.B",
+                "depth.Z",
+                "depthVariance.Z",
+                "visibility.Y",
+            ],
+            &[],
+            &[
+                "color mean: R",
+                "color variance of the mean: variance.R",
+                "color half A: halfA.R",
+                "albedo mean: albedo.R",
+                "albedo variance of the mean: albedoVariance.R",
+                "albedo2 mean: albedo2.R",
+                "depth mean: depth.Z",
+                "depth variance of the mean: depthVariance.Z",
+                "visibility mean: visibility.Y",
+            ],
+        ),
+        (
+            Renderer::Pbrt,
+            &[
+                "R",
+                "G",
+                "B",
+                "Albedo.R",
+                "Albedo.G",
+                "Albedo.B",
+                "N.X",
+                "N.Y",
+                "N.Z",
+                "Ns.X",
+                "Ns.Y",
+                "Ns.Z",
+                "P.X",
+                "P.Y",
+                "P.Z",
+                "Variance.R",
+                "Variance.G",
+                "Variance.B",
+                "RelativeVariance.R",
+                "RelativeVariance.G",
+                "RelativeVariance.B",
+                "u",
+                "v",
+                "dzdx",
+                "dzdy",
+            ],
+            &[("samplesPerPixel", AttributeValue::I32(8))],
+            &[
+                "color mean: R",
+                "color variance of one sample: Variance.R",
+                "albedo mean: Albedo.R",
+                "normal mean: Ns.X",
+                "position mean: P.X",
+            ],
+        ),
+        (
+            Renderer::Cycles,
+            &[
+                "View.Combined.R",
+                "View.Combined.G",
+                "View.Combined.B",
+                "View.Combined.A",
+                "View.Noisy Image.R",
+                "View.Noisy Image.G",
+                "View.Noisy Image.B",
+                "View.Denoising Albedo.R",
+                "View.Denoising Albedo.G",
+                "View.Denoising Albedo.B",
+                "View.Normal.X",
+                "View.Normal.Y",
+                "View.Normal.Z",
+                "View.Depth.V",
+                "View.Combined_key.R",
+                "View.Combined_key.G",
+                "View.Combined_key.B",
+                "Other.Position.X",
+                "Other.Position.Y",
+                "Other.Position.Z",
+                "View.CryptoObject00.r",
+                "View.CryptoObject00.g",
+                "View.CryptoObject00.b",
+                "View.CryptoObject00.a",
+            ],
+            &blender,
+            &[
+                "color mean: View.Noisy Image.R",
+                "albedo mean: View.Denoising Albedo.R",
+                "normal mean: View.Normal.X",
+                "depth mean: View.Depth.V",
+            ],
+        ),
+        (
+            Renderer::Arnold,
+            &[
+                "R",
+                "G",
+                "B",
+                "A",
+                "Z",
+                "N.X",
+                "N.Y",
+                "N.Z",
+                "P.R",
+                "P.G",
+                "P.B",
+                "diffuse_albedo.R",
+                "diffuse_albedo.G",
+                "diffuse_albedo.B",
+                "variance.R",
+                "variance.G",
+                "variance.B",
+            ],
+            &arnold,
+            &[
+                "color mean: R",
+                "color variance of the mean: variance.R",
+                "albedo mean: diffuse_albedo.R",
+                "normal mean: N.X",
+                "position mean: P.R",
+                "depth mean: Z",
+            ],
+        ),
+        (
+            Renderer::RenderMan,
+            &[
+                "Ci.r",
+                "Ci.g",
+                "Ci.b",
+                "a",
+                "albedo.r",
+                "albedo.g",
+                "albedo.b",
+                "albedo_mse.r",
+                "albedo_mse.g",
+                "albedo_mse.b",
+                "albedo_var.r",
+                "albedo_var.g",
+                "albedo_var.b",
+                "normal.X",
+                "normal.Y",
+                "normal.Z",
+                "normal_var.X",
+                "normal_var.Y",
+                "normal_var.Z",
+                "zfiltered",
+                "zfiltered_var",
+                "mse.r",
+                "mse.g",
+                "mse.b",
+                "sampleCount",
+            ],
+            &[],
+            &[
+                "color mean: Ci.r",
+                "color variance of the mean: mse.r",
+                "albedo mean: albedo.r",
+                "albedo variance of the mean: albedo_mse.r",
+                "normal mean: normal.X",
+                "normal variance of one sample: normal_var.X",
+                "depth mean: zfiltered",
+                "depth variance of one sample: zfiltered_var",
+                "sampleCount mean: sampleCount",
+            ],
+        ),
+        (
+            Renderer::VRay,
+            &[
+                "R",
+                "G",
+                "B",
+                "diffuse.R",
+                "diffuse.G",
+                "diffuse.B",
+                "normals.X",
+                "normals.Y",
+                "normals.Z",
+                "noiseLevel",
+            ],
+            &[("vrayInfo/vraycore", text("3.60"))],
+            &["color mean: R", "albedo mean: diffuse.R", "normal mean: normals.X"],
+        ),
+        (
+            Renderer::Corona,
+            &[
+                "R",
+                "G",
+                "B",
+                "VisibleDiffuse.R",
+                "VisibleDiffuse.G",
+                "VisibleDiffuse.B",
+                "VisibleNormals.R",
+                "VisibleNormals.G",
+                "VisibleNormals.B",
+                "CGeometry_ZDepth",
+                "SqrBeauty.R",
+                "SqrBeauty.G",
+                "SqrBeauty.B",
+            ],
+            &[("corona.version", text("9"))],
+            &[
+                "color mean: R",
+                "albedo mean: VisibleDiffuse.R",
+                "normal mean: VisibleNormals.R",
+                "depth mean: CGeometry_ZDepth",
+            ],
+        ),
+    ];
+    let folder = tempfile::tempdir().unwrap();
+    for (renderer, names, attributes, expected) in cases {
+        let picture = picture(folder.path(), names, attributes, &ReadOptions::default());
+        assert_eq!(picture.layout().renderer, *renderer);
+        assert_eq!(roles(&picture), *expected, "{renderer:?}");
+    }
+}
+
+#[test]
+fn samples_per_pixel_stand_in_the_header_in_several_ways() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases = [
+        (("samplesPerPixel", AttributeValue::I32(64)), Some(64.0)),
+        (("samplesPerPixel", AttributeValue::F32(2.5)), Some(2.5)),
+        (("cycles.ViewLayer.samples", text("128")), Some(128.0)),
+        (("arnold/AA_samples", AttributeValue::I32(6)), Some(36.0)),
+        (("samplesPerPixel", AttributeValue::I32(0)), None),
+        (("samplesPerPixelX", AttributeValue::I32(9)), None),
+    ];
+    for (attribute, expected) in cases {
+        let names = ["R", "G", "B"];
+        let picture =
+            picture(folder.path(), &names, std::slice::from_ref(&attribute), &ReadOptions::default());
+        assert_eq!(picture.frame().spp(), expected, "{attribute:?}");
+        let told = ReadOptions { spp: Some(5.0), ..ReadOptions::default() };
+        let picture = self::picture(folder.path(), &names, &[attribute], &told);
+        assert_eq!(picture.frame().spp(), Some(5.0), "the user knows better");
+    }
+}
+
+#[test]
+fn variance_of_one_sample_is_divided_by_the_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["R", "G", "B", "Ns.X", "Variance.R", "Variance.G", "Variance.B"];
+    let spp = [("samplesPerPixel", AttributeValue::I32(8))];
+    let stored = values(SIZE.0 * SIZE.1, 4);
+    for (kind, factor) in [(None, 0.125), (Some(VarianceKind::Mean), 1.0)] {
+        let options = ReadOptions { variance_kind: kind, ..ReadOptions::default() };
+        let picture = picture(folder.path(), &names, &spp, &options);
+        let expected: Vec<f32> = stored.iter().map(|v| v * factor).collect();
+        assert_eq!(picture.frame().color_var_of_mean().unwrap()[0].data(), expected);
+    }
+}
+
+#[test]
+fn the_user_maps_adds_and_takes_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let names =
+        ["R", "G", "B", "x.R", "x.G", "x.B", "albedo.R", "albedo.G", "albedo.B", "depth.Z", "curv", "sd.Y"];
+    let options = ReadOptions {
+        map: ["color=x", "albedo=none", "normal=albedo.R,albedo.G,albedo.B", "curvatureVariance=sd.Y"]
+            .map(|m| m.parse().unwrap())
+            .to_vec(),
+        features: vec!["curvature=curv".parse().unwrap()],
+        variance_kind: Some(VarianceKind::Stddev),
+        ..ReadOptions::default()
+    };
+    let picture = picture(folder.path(), &names, &[], &options);
+    let expected = [
+        "color mean: x.R",
+        "normal mean: albedo.R",
+        "curvature mean: curv",
+        "curvature variance of the mean: sd.Y",
+        "depth mean: depth.Z",
+    ];
+    assert_eq!(roles(&picture), expected);
+    let curvature = picture.frame().features().iter().find(|feature| feature.name == "curvature").unwrap();
+    assert_eq!(curvature.kind, FeatureKind::Other);
+    let squared: Vec<f32> = values(SIZE.0 * SIZE.1, 11).iter().map(|v| v * v).collect();
+    assert_eq!(curvature.var_of_mean.as_ref().unwrap()[0].data(), squared);
+}
+
+#[test]
+fn the_other_half_follows_from_the_mean() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["R", "G", "B", "halfA.R", "halfA.G", "halfA.B"];
+    let picture = picture(folder.path(), &names, &[], &ReadOptions::default());
+    let frame = picture.frame();
+    let [a, b] = frame.halves().unwrap();
+    for i in 0..a[1].data().len() {
+        assert_eq!(b[1].data()[i], 2.0 * frame.color()[1].data()[i] - a[1].data()[i]);
+    }
+    assert!(frame.color_var_of_mean().is_some(), "the variance comes from the halves");
+}
+
+#[test]
+fn two_seeds_become_one_render_with_halves() {
+    let folder = tempfile::tempdir().unwrap();
+    let count = SIZE.0 * SIZE.1;
+    let write = |name: &str, shift: f32| {
+        let plane = |salt| values(count, salt).iter().map(|v| v + shift).collect::<Vec<f32>>();
+        let channels =
+            vec![float("R", plane(0)), float("G", plane(1)), float("B", plane(2)), float("Z", plane(3))];
+        let mut layer = layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), channels);
+        layer.attributes.other.insert(Text::from("samplesPerPixel"), AttributeValue::I32(4));
+        write_one(&folder.path().join(name), layer);
+    };
+    write("a.exr", 0.0);
+    write("b.exr", 1.0);
+    let options = ReadOptions { half: Some(folder.path().join("b.exr")), ..ReadOptions::default() };
+    let picture = Picture::read(folder.path().join("a.exr"), &options).unwrap();
+    let frame = picture.frame();
+    let mean: Vec<f32> = values(count, 1).iter().map(|v| 0.5 * (v + (v + 1.0))).collect();
+    assert_eq!(frame.color()[1].data(), mean);
+    assert_eq!(frame.spp(), Some(8.0));
+    let variance = frame.color_var_of_mean().unwrap()[2].data();
+    assert!(variance.iter().all(|v| (v - 0.25).abs() < 1e-6), "a difference of 1 is a variance of ¼");
+    assert!(frame.features()[0].halves.is_some());
+}
+
+#[test]
+fn renderers_with_one_file_per_buffer_are_read_from_the_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let buffer = |name: &str, components: &[&str]| {
+        let channels = channels(SIZE, components);
+        write_one(
+            &folder.path().join(name),
+            layer(None, SIZE, (0, 0), scan_lines(Compression::PIZ), channels),
+        );
+    };
+    let rgb = ["R", "G", "B"];
+    for name in ["x_color.exr", "x_colorVariance.exr", "x_colorA.exr", "x_colorB.exr", "x_albedo.exr"] {
+        buffer(name, &rgb);
+    }
+    buffer("x_depth.exr", &["Y"]);
+    buffer("y_normal.exr", &rgb);
+    let options = ReadOptions { profile: Some(Renderer::Tungsten), ..ReadOptions::default() };
+    let tungsten = Picture::read(folder.path().join("x_color.exr"), &options).unwrap();
+    let found: Vec<String> =
+        tungsten.layout().roles.iter().map(|role| format!("{} {}", role.role, role.statistic)).collect();
+    let expected = [
+        "color mean",
+        "color variance of the mean",
+        "color half A",
+        "color half B",
+        "albedo mean",
+        "depth mean",
+    ];
+    assert_eq!(found, expected);
+
+    for name in ["s.RGB.exr", "s.ALBEDO.exr", "s.DEPTH.exr", "s.AVG_SHADING_NORMAL.exr"] {
+        buffer(name, &rgb); // LuxCore writes a depth as three channels
+    }
+    let options = ReadOptions { profile: Some(Renderer::LuxCore), ..ReadOptions::default() };
+    let luxcore = Picture::read(folder.path().join("s.RGB.exr"), &options).unwrap();
+    let found: Vec<(&str, usize)> = luxcore
+        .frame()
+        .features()
+        .iter()
+        .map(|feature| (feature.name.as_str(), feature.planes.len()))
+        .collect();
+    assert_eq!(found, [("albedo", 3), ("normal", 3), ("depth", 1)]);
+}
+
+#[test]
+fn what_is_lacking_or_senseless_is_told_with_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("render.exr");
+    let error = |names: &[&str], options: &ReadOptions| {
+        write_one(&path, layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names)));
+        let error = Picture::read(&path, options).unwrap_err();
+        format!("{} {error}", error.kind().exit_code())
+    };
+    let map = |mapping: &str| ReadOptions { map: vec![mapping.parse().unwrap()], ..ReadOptions::default() };
+    let plain = ReadOptions::default();
+    let file = path.display();
+    let none = error(&["a.X", "b.X"], &plain);
+    assert_eq!(
+        none,
+        format!("4 {file}: no colour was found; the layers are 'a', 'b'; name it by --map color=LAYER")
+    );
+    assert!(error(&["Y", "RY", "BY"], &plain).starts_with("3 "), "luminance and chroma");
+    assert!(error(&["R", "G", "B"], &map("albedo=x.R")).contains("'x.R': is not there"));
+    assert!(error(&["R", "G", "B"], &map("gloss=R")).starts_with("2 "));
+    assert!(error(&["R", "G", "B"], &map("color=R,G")).starts_with("4 "));
+}
