@@ -9,6 +9,7 @@ pub mod metrics;
 pub mod options;
 pub mod report;
 pub mod tone;
+pub mod trace;
 
 pub use denoise::denoise;
 pub use error::{Error, ErrorKind, Result};

@@ -1,0 +1,2 @@
+//! `apr-trace scene.json out.exr`
+fn main() {}

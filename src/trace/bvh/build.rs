@@ -1,0 +1,163 @@
+//! Building the hierarchy from the top: by the surface area heuristic over bins (Wald 2007), or at
+//! the median, which exists to be compared with.
+
+use super::{Bvh, Child, Item, ItemKind, KIND_NODE, KIND_PACKET, KIND_SOLID, Node};
+use crate::trace::math::Aabb;
+
+/// How a set of items is divided in two.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Split {
+    /// Where the expected cost of a ray is least.
+    #[default]
+    Sah,
+    /// In the middle of the longest axis' order.
+    Median,
+}
+
+const BINS: usize = 16;
+/// Triangles of a packet, which cost as much as one.
+const PACKET: usize = 4;
+
+pub fn build(mut items: Vec<Item>, split: Split) -> Bvh {
+    let mut bvh = Bvh { nodes: vec![], packets: vec![] };
+    if !items.is_empty() {
+        add_node(&mut bvh, &mut items, split);
+    }
+    bvh
+}
+
+fn bounds(items: &[Item]) -> Aabb {
+    items.iter().fold(Aabb::EMPTY, |b, item| b.union(&item.bounds))
+}
+
+fn is_leaf(items: &[Item]) -> bool {
+    items.len() == 1 || items.len() <= PACKET && items.iter().all(|item| item.kind == ItemKind::Triangle)
+}
+
+/// Adds the node over `items` and all below it; returns its index.
+fn add_node(bvh: &mut Bvh, items: &mut [Item], split: Split) -> usize {
+    let index = bvh.nodes.len();
+    bvh.nodes.push(Node {
+        bounds: [[[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]],
+        children: [Child(0); 4],
+    });
+    for (lane, part) in quarters(items, split).into_iter().enumerate() {
+        let space = bounds(part);
+        let child = match is_leaf(part) {
+            true => add_leaf(bvh, part),
+            false => Child::new(KIND_NODE, add_node(bvh, part, split)),
+        };
+        let node = &mut bvh.nodes[index];
+        for axis in 0..3 {
+            node.bounds[0][axis][lane] = space.min[axis];
+            node.bounds[1][axis][lane] = space.max[axis];
+        }
+        node.children[lane] = child;
+    }
+    index
+}
+
+fn add_leaf(bvh: &mut Bvh, items: &[Item]) -> Child {
+    match items[0].kind {
+        ItemKind::Solid => Child::new(KIND_SOLID, items[0].index as usize),
+        ItemKind::Triangle => {
+            bvh.packets.push(items.iter().map(|item| item.index).collect());
+            Child::new(KIND_PACKET, bvh.packets.len() - 1)
+        }
+    }
+}
+
+/// Divides `items` into up to four parts: the part with the largest surface is divided next.
+fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
+    let mut parts = vec![items];
+    while parts.len() < 4 {
+        let area = |part: &[Item]| if is_leaf(part) { -1.0 } else { bounds(part).half_area() };
+        let Some(widest) = (0..parts.len())
+            .filter(|&i| !is_leaf(parts[i]))
+            .max_by(|&a, &b| area(parts[a]).total_cmp(&area(parts[b])))
+        else {
+            break;
+        };
+        let part = parts.remove(widest);
+        let middle = match split {
+            Split::Sah => sah(part),
+            Split::Median => median(part),
+        };
+        let (left, right) = part.split_at_mut(middle);
+        parts.push(left);
+        parts.push(right);
+    }
+    parts
+}
+
+fn median(items: &mut [Item]) -> usize {
+    let axis = bounds(items).extent().imax();
+    let middle = items.len() / 2;
+    let key = |item: &Item| item.bounds.center()[axis];
+    items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.index.cmp(&b.index)));
+    middle
+}
+
+#[derive(Clone, Copy)]
+struct Bin {
+    bounds: Aabb,
+    count: usize,
+}
+
+/// The cost of testing a set, in packets times half its surface.
+fn cost(bin: &Bin) -> f32 {
+    if bin.count == 0 { 0.0 } else { bin.bounds.half_area() * bin.count.div_ceil(PACKET) as f32 }
+}
+
+/// Sorts `items` into the two sides of the cheapest plane between bins; returns the right side's start.
+fn sah(items: &mut [Item]) -> usize {
+    let centers = Aabb::around(items.iter().map(|item| item.bounds.center()));
+    let extent = centers.extent();
+    let bin_of = |item: &Item, axis: usize| {
+        let place = (item.bounds.center()[axis] - centers.min[axis]) / extent[axis];
+        ((place * BINS as f32) as usize).min(BINS - 1)
+    };
+    let mut best = (f32::INFINITY, 0, 0);
+    for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {
+        let mut bins = [Bin { bounds: Aabb::EMPTY, count: 0 }; BINS];
+        for item in items.iter() {
+            let bin = &mut bins[bin_of(item, axis)];
+            bin.bounds = bin.bounds.union(&item.bounds);
+            bin.count += 1;
+        }
+        let rights = sweep(bins.iter().rev());
+        for (plane, left) in sweep(bins.iter()).iter().enumerate().take(BINS - 1) {
+            let right = rights[BINS - 2 - plane];
+            let total = left + right;
+            if total < best.0 {
+                best = (total, axis, plane);
+            }
+        }
+    }
+    let (least, axis, plane) = best;
+    if least == f32::INFINITY {
+        return items.len() / 2; // all centres coincide: any halves will do
+    }
+    partition(items, |item| bin_of(item, axis) <= plane)
+}
+
+/// The cost of the first n + 1 bins together, for every n.
+fn sweep<'a>(bins: impl Iterator<Item = &'a Bin>) -> Vec<f32> {
+    bins.scan(Bin { bounds: Aabb::EMPTY, count: 0 }, |sum, bin| {
+        *sum = Bin { bounds: sum.bounds.union(&bin.bounds), count: sum.count + bin.count };
+        Some(cost(sum))
+    })
+    .collect()
+}
+
+/// Moves the items for which `left` holds to the front; returns their number.
+fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+    let mut middle = 0;
+    for i in 0..items.len() {
+        if left(&items[i]) {
+            items.swap(i, middle);
+            middle += 1;
+        }
+    }
+    middle
+}

@@ -1,0 +1,154 @@
+//! The bounding volume hierarchy: four children a node, laid out so that one slab test runs over all
+//! four in SIMD registers, and triangles in packets of four for the same reason.
+
+mod build;
+mod packet;
+
+pub use build::Split;
+pub use packet::{Lanes, Packet};
+
+use super::math::{Aabb, Ray, Vec3};
+
+/// What a leaf holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Leaf {
+    /// Index of a packet of up to four triangles.
+    Packet(u32),
+    /// Index of anything else.
+    Solid(u32),
+}
+
+/// What a hierarchy is built over.
+#[derive(Debug, Clone, Copy)]
+pub struct Item {
+    /// The space it takes.
+    pub bounds: Aabb,
+    /// Which sort of thing it is.
+    pub kind: ItemKind,
+    /// Its index among its sort.
+    pub index: u32,
+}
+
+/// Sorts of things in a hierarchy.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ItemKind {
+    /// Shares a leaf with up to three others.
+    Triangle,
+    /// Has a leaf of its own.
+    Solid,
+}
+
+/// A child's address: two bits of sort, the rest an index.
+#[derive(Debug, Clone, Copy)]
+struct Child(u32);
+
+const KIND_SHIFT: u32 = 30;
+const INDEX_MASK: u32 = (1 << KIND_SHIFT) - 1;
+const KIND_NODE: u32 = 0;
+const KIND_PACKET: u32 = 1;
+const KIND_SOLID: u32 = 2;
+
+impl Child {
+    fn new(kind: u32, index: usize) -> Self {
+        debug_assert!(index as u32 <= INDEX_MASK);
+        Self(kind << KIND_SHIFT | index as u32)
+    }
+}
+
+#[derive(Debug, Clone)]
+struct Node {
+    bounds: [[Lanes; 3]; 2], // [least, greatest][axis][child]; an empty child is an inverted box
+    children: [Child; 4],
+}
+
+/// A hierarchy over items; the triangles' packets are the owner's.
+#[derive(Debug, Clone)]
+pub struct Bvh {
+    nodes: Vec<Node>,
+    /// The triangles of each packet, in packet order.
+    packets: Vec<Vec<u32>>,
+}
+
+/// Rounding of the slab test, in favour of hits (Ize 2013).
+const SLAB_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
+/// Entries of the traversal stack: 3 for every level of a tree of 4²⁰ leaves and to spare.
+const STACK: usize = 64;
+
+impl Bvh {
+    /// Builds over `items`.
+    pub fn new(items: Vec<Item>, split: Split) -> Self {
+        build::build(items, split)
+    }
+
+    /// The indices of the triangles in each packet.
+    pub fn packets(&self) -> &[Vec<u32>] {
+        &self.packets
+    }
+
+    /// The number of inner nodes, for reports.
+    pub fn node_count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Calls `visit` for every leaf whose box `ray` meets before `t_max`, near ones first. `visit`
+    /// may shorten `t_max`, and ends the search by returning true.
+    #[inline(always)]
+    pub fn traverse(&self, ray: &Ray, t_max: &mut f32, mut visit: impl FnMut(Leaf, &mut f32) -> bool) {
+        let inverse = ray.direction.map(|d| 1.0 / d);
+        let negative: [usize; 3] = std::array::from_fn(|axis| usize::from(inverse[axis].is_sign_negative()));
+        let mut stack = [(Child(0), 0f32); STACK];
+        let mut depth = usize::from(!self.nodes.is_empty());
+        while depth > 0 {
+            depth -= 1;
+            let (child, entry) = stack[depth & (STACK - 1)];
+            if entry > *t_max {
+                continue;
+            }
+            let index = child.0 & INDEX_MASK;
+            match child.0 >> KIND_SHIFT {
+                KIND_NODE => {
+                    let node = &self.nodes[index as usize];
+                    let (entries, exits) = node.slabs(ray.origin, inverse, negative);
+                    let first = depth;
+                    for lane in 0..4 {
+                        if entries[lane] <= exits[lane].min(*t_max) {
+                            let mut place = depth & (STACK - 1);
+                            while place > first && stack[place - 1].1 < entries[lane] {
+                                stack[place] = stack[place - 1];
+                                place -= 1;
+                            }
+                            stack[place] = (node.children[lane], entries[lane]);
+                            depth += 1;
+                        }
+                    }
+                }
+                kind => {
+                    let leaf = if kind == KIND_PACKET { Leaf::Packet(index) } else { Leaf::Solid(index) };
+                    if visit(leaf, t_max) {
+                        return;
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Node {
+    /// Where a ray enters and leaves the four boxes. A ray in the plane of a face gives NaN in one
+    /// axis, which the comparisons' order drops.
+    #[inline(always)]
+    fn slabs(&self, origin: Vec3, inverse: Vec3, negative: [usize; 3]) -> (Lanes, Lanes) {
+        let (mut near, mut far) = ([0f32; 4], [f32::INFINITY; 4]);
+        for axis in 0..3 {
+            let (least, greatest) =
+                (&self.bounds[negative[axis]][axis], &self.bounds[1 - negative[axis]][axis]);
+            for lane in 0..4 {
+                let enter = (least[lane] - origin[axis]) * inverse[axis];
+                let leave = (greatest[lane] - origin[axis]) * inverse[axis] * SLAB_SLACK;
+                near[lane] = if enter > near[lane] { enter } else { near[lane] };
+                far[lane] = if leave < far[lane] { leave } else { far[lane] };
+            }
+        }
+        (near, far)
+    }
+}

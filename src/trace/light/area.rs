@@ -1,0 +1,143 @@
+//! Surfaces that glow.
+
+use std::f32::consts::{PI, TAU};
+
+use super::{Extent, LightSample};
+use crate::trace::math::{Aabb, Basis, Vec3, luminance};
+use crate::trace::sampling::{Distribution, concentric_disk, direction, triangle};
+use crate::trace::shape::{Disk, Sphere};
+use crate::trace::world::Triangle;
+
+/// The surface of a light.
+#[derive(Debug, Clone)]
+pub enum AreaShape {
+    /// A parallelogram by corner, two edges and unit normal.
+    Parallelogram([Vec3; 4]),
+    /// Triangles, chosen by area.
+    Triangles(Vec<Triangle>, Distribution),
+    /// A sphere.
+    Sphere(Sphere),
+    /// A disk.
+    Disk(Disk),
+}
+
+/// A glowing surface.
+#[derive(Debug, Clone)]
+pub struct Emitter {
+    shape: AreaShape,
+    radiance: Vec3,
+    area: f32,
+}
+
+/// A point of the surface, with its unit normal.
+type SurfacePoint = (Vec3, Vec3);
+
+impl Emitter {
+    /// `shape` with the same `radiance` everywhere and in all directions of its outer side.
+    pub fn new(shape: AreaShape, radiance: Vec3) -> Self {
+        let area = match &shape {
+            AreaShape::Parallelogram([_, a, b, _]) => a.cross(b).norm(),
+            AreaShape::Triangles(_, areas) => areas.total(),
+            AreaShape::Sphere(sphere) => sphere.area(),
+            AreaShape::Disk(disk) => disk.area(),
+        };
+        Self { shape, radiance, area }
+    }
+
+    /// Samples light that reaches `from`.
+    pub fn sample(&self, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+        let (point, normal) = match &self.shape {
+            AreaShape::Sphere(sphere) => return self.sample_cone(sphere, from, u),
+            AreaShape::Parallelogram([corner, a, b, normal]) => (corner + a * u[0] + b * u[1], *normal),
+            AreaShape::Triangles(triangles, areas) => on_triangles(triangles, areas, u),
+            AreaShape::Disk(disk) => {
+                let [x, y] = concentric_disk(u);
+                (disk.placement.to_world.point(Vec3::new(x, y, 0.0)), disk.normal())
+            }
+        };
+        let way = point - from;
+        let distance2 = way.norm_squared();
+        let distance = distance2.sqrt();
+        let direction = way / distance;
+        let cos = -direction.dot(&normal);
+        let pdf = distance2 / (cos * self.area);
+        (cos > 0.0 && pdf.is_finite()).then_some(LightSample {
+            direction,
+            distance,
+            radiance: self.radiance,
+            pdf,
+            delta: false,
+        })
+    }
+
+    /// The density over solid angle with which [`Emitter::sample`] takes the point that a ray from
+    /// `from` meets at `distance` under the cosine `cos` to the light's normal.
+    pub fn pdf(&self, from: Vec3, distance: f32, cos: f32) -> f32 {
+        match &self.shape {
+            AreaShape::Sphere(sphere) => cone(sphere, from).map_or(0.0, |cone| cone.pdf),
+            _ => distance * distance / (cos * self.area),
+        }
+    }
+
+    fn sample_cone(&self, sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
+        let cone = cone(sphere, from)?;
+        let drop = u[0] * cone.height; // 1 − cos θ
+        let local = direction(1.0 - drop, TAU * u[1]);
+        let sin2 = drop * (2.0 - drop);
+        let chord = (sphere.radius * sphere.radius - cone.distance * cone.distance * sin2).max(0.0).sqrt();
+        Some(LightSample {
+            direction: Basis::around(cone.axis).to_world(local),
+            distance: cone.distance * (1.0 - drop) - chord,
+            radiance: self.radiance,
+            pdf: cone.pdf,
+            delta: false,
+        })
+    }
+
+    /// Where it is and where it shines.
+    pub fn extent(&self) -> Extent {
+        let (bounds, axis, spread) = match &self.shape {
+            AreaShape::Parallelogram([corner, a, b, normal]) => {
+                (Aabb::around([*corner, corner + a, corner + b, corner + a + b]), *normal, 0.0)
+            }
+            AreaShape::Sphere(sphere) => (sphere.bounds(), Vec3::z(), PI),
+            AreaShape::Disk(disk) => (disk.bounds(), disk.normal(), 0.0),
+            AreaShape::Triangles(triangles, _) => {
+                let bounds = Aabb::around(triangles.iter().flat_map(|t| t.corners));
+                let sum: Vec3 = triangles.iter().map(|t| t.normal() * t.area()).sum();
+                let axis = sum.try_normalize(1e-6).unwrap_or_else(Vec3::z);
+                let least = triangles.iter().map(|t| t.normal().dot(&axis)).fold(1.0, f32::min);
+                (bounds, axis, least.clamp(-1.0, 1.0).acos())
+            }
+        };
+        let power = PI * self.area * luminance(self.radiance);
+        Extent { bounds, axis, spread, reach: PI / 2.0, power }
+    }
+}
+
+fn on_triangles(triangles: &[Triangle], areas: &Distribution, u: [f32; 2]) -> SurfacePoint {
+    let (i, rest) = areas.sample(u[0]);
+    let [v, w] = triangle([rest, u[1]]);
+    let [a, b, c] = triangles[i].corners;
+    (a * (1.0 - v - w) + b * v + c * w, triangles[i].normal())
+}
+
+/// The cone of directions in which a point sees a sphere.
+struct Cone {
+    axis: Vec3,
+    distance: f32,
+    height: f32, // 1 − cosine of its half angle
+    pdf: f32,
+}
+
+/// None from inside, where the sphere shows its dark side.
+fn cone(sphere: &Sphere, from: Vec3) -> Option<Cone> {
+    let way = sphere.center - from;
+    let distance = way.norm();
+    let sin2 = (sphere.radius / distance).powi(2);
+    if sin2 >= 1.0 {
+        return None;
+    }
+    let height = sin2 / (1.0 + (1.0 - sin2).sqrt()); // keeps its digits when the sphere is far away
+    Some(Cone { axis: way / distance, distance, height, pdf: 1.0 / (TAU * height) })
+}

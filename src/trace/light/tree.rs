@@ -1,0 +1,178 @@
+//! Choosing one of many lights for a point: a binary tree over the lights of finite extent, descended
+//! by an estimate of what each half contributes (Conty Estévez and Kulla 2018). The cost grows with
+//! the logarithm of their number.
+
+use std::f32::consts::PI;
+
+use crate::trace::math::{Aabb, Vec3};
+
+/// Where light comes from and where it goes.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent {
+    /// The space the sources take.
+    pub bounds: Aabb,
+    /// Unit axis of the cone that holds their normals.
+    pub axis: Vec3,
+    /// Half angle of that cone.
+    pub spread: f32,
+    /// Angle around a normal up to which light is sent.
+    pub reach: f32,
+    /// Radiant power.
+    pub power: f32,
+}
+
+#[derive(Debug, Clone)]
+struct Node {
+    extent: Extent,
+    /// The second child (the first follows its parent), or none in a leaf.
+    second: Option<u32>,
+    light: u32,
+}
+
+/// The tree.
+#[derive(Debug, Clone, Default)]
+pub struct LightTree {
+    nodes: Vec<Node>,
+    /// For each light, the turns from the root to its leaf, lowest bit first.
+    paths: Vec<u64>,
+}
+
+impl LightTree {
+    /// A tree over the lights of `lights`, given with their index; indices are below `count`.
+    pub fn new(mut lights: Vec<(u32, Extent)>, count: usize) -> Self {
+        let mut tree = Self { nodes: vec![], paths: vec![0; count] };
+        if !lights.is_empty() {
+            tree.add(&mut lights, 0, 0);
+        }
+        tree
+    }
+
+    /// Whether there is no light in it.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    fn add(&mut self, lights: &mut [(u32, Extent)], path: u64, depth: u32) {
+        let index = self.nodes.len();
+        let extent = lights[1..].iter().fold(lights[0].1, |sum, (_, extent)| sum.union(extent));
+        self.nodes.push(Node { extent, second: None, light: lights[0].0 });
+        if lights.len() == 1 {
+            self.paths[lights[0].0 as usize] = path;
+            return;
+        }
+        let axis = extent.bounds.extent().imax();
+        let middle = lights.len() / 2;
+        let key = |(index, extent): &(u32, Extent)| (extent.bounds.center()[axis], *index);
+        lights.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
+        let (first, second) = lights.split_at_mut(middle);
+        self.add(first, path, depth + 1);
+        self.nodes[index].second = Some(self.nodes.len() as u32);
+        self.add(second, path | 1 << depth, depth + 1);
+    }
+
+    /// Chooses a light for `point` (with `normal` on a surface) by `u`: its index and probability.
+    /// None when no light can reach the point.
+    pub fn sample(&self, point: Vec3, normal: Option<Vec3>, mut u: f32) -> Option<(usize, f32)> {
+        let mut probability = 1.0;
+        let mut index = 0;
+        while let Some(second) = self.nodes[index].second {
+            let share = self.first_share(index, point, normal)?;
+            if u < share {
+                u /= share;
+                probability *= share;
+                index += 1;
+            } else {
+                u = (u - share) / (1.0 - share);
+                probability *= 1.0 - share;
+                index = second as usize;
+            }
+        }
+        Some((self.nodes[index].light as usize, probability))
+    }
+
+    /// The probability of [`LightTree::sample`] to choose `light`.
+    pub fn probability(&self, point: Vec3, normal: Option<Vec3>, light: usize) -> f32 {
+        let mut path = self.paths[light];
+        let mut probability = 1.0;
+        let mut index = 0;
+        while let Some(second) = self.nodes[index].second {
+            let Some(share) = self.first_share(index, point, normal) else { return 0.0 };
+            let turn = path & 1 == 1;
+            probability *= if turn { 1.0 - share } else { share };
+            index = if turn { second as usize } else { index + 1 };
+            path >>= 1;
+        }
+        probability
+    }
+
+    /// The first child's share of what both children of node `index` contribute.
+    fn first_share(&self, index: usize, point: Vec3, normal: Option<Vec3>) -> Option<f32> {
+        let second = self.nodes[index].second? as usize;
+        let first = self.nodes[index + 1].extent.importance(point, normal);
+        let second = self.nodes[second].extent.importance(point, normal);
+        let sum = first + second;
+        (sum > 0.0).then(|| first / sum)
+    }
+}
+
+/// Cosine of max(0, a − b), for angles given by sine and cosine.
+fn cos_difference((sin_a, cos_a): (f32, f32), (sin_b, cos_b): (f32, f32)) -> f32 {
+    if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+}
+
+fn with_sine(cos: f32) -> (f32, f32) {
+    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
+}
+
+impl Extent {
+    /// An upper estimate, up to a constant factor, of the light that reaches `point`.
+    fn importance(&self, point: Vec3, normal: Option<Vec3>) -> f32 {
+        let way = point - self.bounds.center();
+        let radius2 = 0.25 * self.bounds.extent().norm_squared();
+        let distance2 = way.norm_squared();
+        let direction = way / distance2.sqrt().max(f32::MIN_POSITIVE);
+        // The angle under which the box is seen is taken off every other angle.
+        let subtended = match distance2 > radius2 {
+            true => with_sine((1.0 - radius2 / distance2).sqrt()),
+            false => (0.0, -1.0),
+        };
+        let off_axis = with_sine(self.axis.dot(&direction).clamp(-1.0, 1.0));
+        let outside_spread = with_sine(cos_difference(off_axis, self.spread.sin_cos()));
+        let least_angle = cos_difference(outside_spread, subtended);
+        if least_angle <= self.reach.cos() {
+            return 0.0;
+        }
+        let facing = normal
+            .map_or(1.0, |n| cos_difference(with_sine(n.dot(&direction).abs().min(1.0)), subtended).max(0.0));
+        // The half diagonal as least distance keeps lights that surround the point finite.
+        self.power * least_angle.max(0.0) * facing / distance2.max(radius2).max(f32::MIN_POSITIVE)
+    }
+
+    fn union(&self, other: &Self) -> Self {
+        let (axis, spread) = union_of_cones((self.axis, self.spread), (other.axis, other.spread));
+        Self {
+            bounds: self.bounds.union(&other.bounds),
+            axis,
+            spread,
+            reach: self.reach.max(other.reach),
+            power: self.power + other.power,
+        }
+    }
+}
+
+/// The smallest cone around two cones, each an axis and a half angle.
+fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
+    let (wide, slim) = if a.1 >= b.1 { (a, b) } else { (b, a) };
+    let between = wide.0.dot(&slim.0).clamp(-1.0, 1.0).acos();
+    if (between + slim.1).min(PI) <= wide.1 {
+        return wide;
+    }
+    let spread = 0.5 * (wide.1 + between + slim.1);
+    let turn_axis = wide.0.cross(&slim.0);
+    if spread >= PI || turn_axis.norm_squared() < 1e-12 {
+        return (wide.0, PI);
+    }
+    let turn =
+        nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(turn_axis), spread - wide.1);
+    (turn * wide.0, spread)
+}

@@ -1,0 +1,132 @@
+//! Vectors, rays, boxes and orthonormal bases of the tracer.
+
+use nalgebra::Vector3;
+
+/// A point, direction or linear RGB colour.
+pub type Vec3 = Vector3<f32>;
+
+/// Offset of a ray's start from its surface, relative to 1 + the largest coordinate. Larger than the
+/// rounding of a hit point by two orders of magnitude, and far below any modelled detail.
+const RAY_OFFSET: f32 = 9e-5;
+/// Share of the distance by which a shadow ray stops short of its light.
+pub const SHADOW_SHORTENING: f32 = 1e-3;
+
+/// A ray; the direction has unit length in world space, any length inside an instance.
+#[derive(Debug, Clone, Copy)]
+pub struct Ray {
+    /// Start.
+    pub origin: Vec3,
+    /// Direction.
+    pub direction: Vec3,
+    /// Moment in the shutter interval, 0 to 1.
+    pub time: f32,
+}
+
+impl Ray {
+    /// The point at distance `t`.
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
+
+    /// A ray that leaves `point` of a surface with geometric normal `normal` on the side of
+    /// `direction`.
+    pub fn leaving(point: Vec3, normal: Vec3, direction: Vec3, time: f32) -> Self {
+        let magnitude = (1.0 + point.amax()) * RAY_OFFSET;
+        let offset = if direction.dot(&normal) < 0.0 { -magnitude } else { magnitude };
+        Self { origin: point + normal * offset, direction, time }
+    }
+}
+
+/// A box with axis-aligned faces; empty when `min > max`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Aabb {
+    /// Least coordinates.
+    pub min: Vec3,
+    /// Greatest coordinates.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// Holds nothing.
+    pub const EMPTY: Self = Self {
+        min: Vec3::new(f32::INFINITY, f32::INFINITY, f32::INFINITY),
+        max: Vec3::new(f32::NEG_INFINITY, f32::NEG_INFINITY, f32::NEG_INFINITY),
+    };
+
+    /// The smallest box around `points`.
+    pub fn around(points: impl IntoIterator<Item = Vec3>) -> Self {
+        points.into_iter().fold(Self::EMPTY, |b, p| b.union(&Self { min: p, max: p }))
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.inf(&other.min), max: self.max.sup(&other.max) }
+    }
+
+    /// Its middle.
+    pub fn center(&self) -> Vec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    /// Length, width and height.
+    pub fn extent(&self) -> Vec3 {
+        self.max - self.min
+    }
+
+    /// Half its surface area; 0 when empty.
+    pub fn half_area(&self) -> f32 {
+        let e = self.extent().sup(&Vec3::zeros());
+        e.x * e.y + e.y * e.z + e.z * e.x
+    }
+
+    /// The eight corners.
+    pub fn corners(&self) -> [Vec3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |axis: usize| if i >> axis & 1 == 0 { self.min[axis] } else { self.max[axis] };
+            Vec3::new(pick(0), pick(1), pick(2))
+        })
+    }
+}
+
+/// A right-handed orthonormal basis around a normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Basis {
+    s: Vec3,
+    t: Vec3,
+    n: Vec3,
+}
+
+impl Basis {
+    /// A basis whose third axis is the unit vector `n` (Duff et al. 2017, without branches).
+    pub fn around(n: Vec3) -> Self {
+        let sign = 1f32.copysign(n.z);
+        let a = -1.0 / (sign + n.z);
+        let b = n.x * n.y * a;
+        Self {
+            s: Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
+            t: Vec3::new(b, sign + n.y * n.y * a, -n.y),
+            n,
+        }
+    }
+
+    /// From the basis to the world.
+    pub fn to_world(&self, v: Vec3) -> Vec3 {
+        self.s * v.x + self.t * v.y + self.n * v.z
+    }
+
+    /// From the world to the basis.
+    pub fn to_local(&self, v: Vec3) -> Vec3 {
+        Vec3::new(v.dot(&self.s), v.dot(&self.t), v.dot(&self.n))
+    }
+}
+
+/// Luminance of linear Rec. 709 RGB.
+pub fn luminance(c: Vec3) -> f32 {
+    0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
+}
+
+/// `v` mirrored at the unit vector `n`, both pointing away from the surface.
+pub fn reflect(v: Vec3, n: Vec3) -> Vec3 {
+    n * (2.0 * v.dot(&n)) - v
+}

@@ -1,0 +1,105 @@
+//! Lights without a shape, the environment and the medium from JSON.
+
+use nalgebra::{Rotation3, Vector3};
+
+use super::files::Files;
+use super::json::Node;
+use crate::error::Result;
+use crate::trace::light::{Environment, Light};
+use crate::trace::math::{Aabb, Vec3};
+use crate::trace::medium::Medium;
+use crate::trace::texture::Picture;
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Point,
+    Spot,
+    Directional,
+}
+
+/// The light at `node` and the name of its group.
+pub fn light<'a>(node: &Node<'a>) -> Result<(Light, Option<&'a str>)> {
+    let object = node.object()?;
+    let kind = object.need("type")?.choice(&[
+        ("point", Kind::Point),
+        ("spot", Kind::Spot),
+        ("directional", Kind::Directional),
+    ])?;
+    let color = |key| object.need(key)?.color(f64::INFINITY);
+    let light = match kind {
+        Kind::Point => {
+            Light::Point { position: object.need("position")?.vec3()?, intensity: color("intensity")? }
+        }
+        Kind::Directional => Light::Directional {
+            direction: object.need("direction")?.unit()?,
+            irradiance: color("irradiance")?,
+        },
+        Kind::Spot => {
+            let position = object.need("position")?.vec3()?;
+            let target = object.need("target")?;
+            let axis = (target.vec3()? - position).try_normalize(0.0);
+            let axis = axis.ok_or_else(|| target.error("the spot light has no direction"));
+            let cutoff_angle = object.or("cutoff_angle", 20.0, |node| node.number_in(0.1, 90.0))?;
+            let beam_angle =
+                object.or("beam_angle", 0.75 * cutoff_angle, |node| node.number_in(0.0, 90.0))?;
+            if beam_angle >= cutoff_angle {
+                let error = node.error("'beam_angle' is not less than 'cutoff_angle'");
+                return Err(error.remedy("leave room for the falloff between them"));
+            }
+            let (beam, cutoff) = (beam_angle.to_radians(), cutoff_angle.to_radians());
+            Light::Spot { position, axis: axis?, intensity: color("intensity")?, beam, cutoff }
+        }
+    };
+    let group = object.get("group").map(|node| node.string()).transpose()?;
+    object.done()?;
+    Ok((light, group))
+}
+
+/// The environment at `node` and the name of its group.
+pub fn environment<'a>(node: &Node<'a>, files: &mut Files) -> Result<(Light, Option<&'a str>)> {
+    let object = node.object()?;
+    let constant = object.need("type")?.choice(&[("constant", true), ("map", false)])?;
+    let environment = match constant {
+        true => Environment::Constant(object.need("radiance")?.color(f64::INFINITY)?),
+        false => {
+            let picture = files.picture(&object.need("file")?, false)?;
+            let scale = object.or("scale", 1.0, |node| node.number_in(0.0, f64::INFINITY))?;
+            let angle = object.or("rotate", 0.0, Node::number)?.to_radians() as f32;
+            let scaled =
+                Picture { texels: picture.texels.iter().map(|t| t * scale).collect(), ..(*picture).clone() };
+            let to_map = Rotation3::from_axis_angle(&Vector3::y_axis(), -angle);
+            Environment::map(scaled, to_map.into_inner())
+        }
+    };
+    let group = object.get("group").map(|node| node.string()).transpose()?;
+    object.done()?;
+    Ok((Light::Environment(environment), group))
+}
+
+/// The medium at `node`.
+pub fn medium(node: &Node) -> Result<Medium> {
+    let object = node.object()?;
+    let extinction = object.need("extinction")?;
+    let medium = Medium {
+        extinction: extinction.color(f64::INFINITY)?,
+        albedo: object.need("albedo")?.color(1.0)?,
+        anisotropy: object.or("anisotropy", 0.0, |node| node.number_in(-0.99, 0.99))?,
+        bounds: object.get("bounds").map(|node| bounds(&node)).transpose()?,
+    };
+    object.done()?;
+    if medium.extinction.min() <= 0.0 {
+        let error = extinction.error("the extinction is 0 in some channel");
+        return Err(error.remedy("give a positive extinction, or leave the medium out"));
+    }
+    Ok(medium)
+}
+
+fn bounds(node: &Node) -> Result<Aabb> {
+    let object = node.object()?;
+    let (min, max): (Vec3, Vec3) = (object.need("min")?.vec3()?, object.need("max")?.vec3()?);
+    object.done()?;
+    if (0..3).all(|axis| min[axis] < max[axis]) {
+        return Ok(Aabb { min, max });
+    }
+    Err(node.error("the box is empty").remedy("make every coordinate of 'min' less than that of 'max'"))
+}

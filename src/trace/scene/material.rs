@@ -1,0 +1,97 @@
+//! Materials and textures from JSON.
+
+use super::files::Files;
+use super::json::{Node, Object};
+use crate::error::Result;
+use crate::trace::bsdf::{Conductor, Dielectric, Material, Plastic};
+use crate::trace::math::Vec3;
+use crate::trace::texture::Texture;
+
+/// Refraction indices of metals in linear Rec. 709 RGB, from measured spectra.
+const METALS: [(&str, ([f32; 3], [f32; 3])); 4] = [
+    ("aluminium", ([1.657, 0.880, 0.521], [9.224, 6.270, 4.837])),
+    ("copper", ([0.200, 0.924, 1.102], [3.912, 2.452, 2.142])),
+    ("gold", ([0.143, 0.375, 1.442], [3.983, 2.386, 1.603])),
+    ("silver", ([0.155, 0.117, 0.138], [4.828, 3.122, 2.147])),
+];
+
+const GLASS_ETA: f32 = 1.5;
+const COAT_ETA: f32 = 1.49;
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Diffuse,
+    Conductor,
+    Dielectric,
+    Plastic,
+}
+
+/// The material at `node`.
+pub fn material(node: &Node, files: &mut Files) -> Result<Material> {
+    let object = node.object()?;
+    let kind = object.need("type")?.choice(&[
+        ("diffuse", Kind::Diffuse),
+        ("conductor", Kind::Conductor),
+        ("dielectric", Kind::Dielectric),
+        ("plastic", Kind::Plastic),
+    ])?;
+    let material = match kind {
+        Kind::Diffuse => Material::Diffuse(reflectance(&object, files)?),
+        Kind::Conductor => Material::Conductor(conductor(&object)?),
+        Kind::Dielectric => {
+            Material::Dielectric(Dielectric { eta: eta(&object, GLASS_ETA)?, roughness: roughness(&object)? })
+        }
+        Kind::Plastic => {
+            let coat = Plastic::coat(eta(&object, COAT_ETA)?);
+            Material::Plastic { reflectance: reflectance(&object, files)?, coat }
+        }
+    };
+    object.done()?;
+    Ok(material)
+}
+
+fn roughness(object: &Object) -> Result<f32> {
+    object.or("roughness", 0.0, |node| node.number_in(0.0, 1.0))
+}
+
+fn eta(object: &Object, default: f32) -> Result<f32> {
+    object.or("eta", default, |node| {
+        let eta = node.number_in(1.0, 4.0)?;
+        if eta > 1.0 {
+            return Ok(eta);
+        }
+        Err(node.error("the refraction index is that of the surroundings").remedy("give a number above 1"))
+    })
+}
+
+fn conductor(object: &Object) -> Result<Conductor> {
+    let named = object.get("metal").map(|node| node.choice(&METALS)).transpose()?;
+    let (eta, k) = match named {
+        Some((eta, k)) => (Vec3::from(eta), Vec3::from(k)),
+        None => (object.need("eta")?.color(f64::INFINITY)?, object.need("k")?.color(f64::INFINITY)?),
+    };
+    let tint = object.or("reflectance", Vec3::repeat(1.0), |node| node.color(1.0))?;
+    Ok(Conductor { eta, k, tint, roughness: roughness(object)? })
+}
+
+fn reflectance(object: &Object, files: &mut Files) -> Result<Texture> {
+    let node = object.need("reflectance")?;
+    if !node.is_object() {
+        return Ok(Texture::Constant(node.color(1.0)?));
+    }
+    let texture = node.object()?;
+    let checker = texture.need("type")?.choice(&[("checker", true), ("bitmap", false)])?;
+    let scale = texture.or("scale", [1.0, 1.0], |node| Ok(node.numbers::<2>()?.map(|x| x as f32)))?;
+    let result = match checker {
+        true => {
+            let colors = [texture.need("color0")?.color(1.0)?, texture.need("color1")?.color(1.0)?];
+            Texture::Checker { colors, scale }
+        }
+        false => {
+            let raw = texture.or("raw", false, Node::bool)?;
+            Texture::Bitmap { picture: files.picture(&texture.need("file")?, raw)?, scale }
+        }
+    };
+    texture.done()?;
+    Ok(result)
+}
