@@ -81,7 +81,7 @@ impl Row<'_> {
     /// Adds a sample in column `x`, or counts it as dropped.
     pub fn add(&mut self, x: usize, sample: &Sample) {
         let count = &mut self.counts[x];
-        let even = count.drawn % 2 == 0;
+        let even = count.drawn.is_multiple_of(2);
         count.drawn += 1;
         if !sample.is_finite() {
             count.dropped += 1;

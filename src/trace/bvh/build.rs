@@ -1,6 +1,8 @@
 //! Building the hierarchy from the top: by the surface area heuristic over bins (Wald 2007), or at
 //! the median, which exists to be compared with.
 
+use wide::f32x4;
+
 use super::{Bvh, Child, Item, ItemKind, KIND_NODE, KIND_PACKET, KIND_SOLID, Node};
 use crate::trace::math::Aabb;
 
@@ -26,7 +28,7 @@ pub fn build(mut items: Vec<Item>, split: Split) -> Bvh {
     bvh
 }
 
-fn bounds(items: &[Item]) -> Aabb {
+fn bounds_of(items: &[Item]) -> Aabb {
     items.iter().fold(Aabb::EMPTY, |b, item| b.union(&item.bounds))
 }
 
@@ -37,23 +39,22 @@ fn is_leaf(items: &[Item]) -> bool {
 /// Adds the node over `items` and all below it; returns its index.
 fn add_node(bvh: &mut Bvh, items: &mut [Item], split: Split) -> usize {
     let index = bvh.nodes.len();
-    bvh.nodes.push(Node {
-        bounds: [[[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]],
-        children: [Child(0); 4],
-    });
+    bvh.nodes.push(Node { bounds: [[f32x4::ZERO; 3]; 2], children: [Child(0); 4] });
+    let mut bounds = [[[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]];
     for (lane, part) in quarters(items, split).into_iter().enumerate() {
-        let space = bounds(part);
+        let space = bounds_of(part);
         let child = match is_leaf(part) {
             true => add_leaf(bvh, part),
             false => Child::new(KIND_NODE, add_node(bvh, part, split)),
         };
-        let node = &mut bvh.nodes[index];
-        for axis in 0..3 {
-            node.bounds[0][axis][lane] = space.min[axis];
-            node.bounds[1][axis][lane] = space.max[axis];
+        for (corner, place) in bounds.iter_mut().zip([space.min, space.max]) {
+            for (lanes, coordinate) in corner.iter_mut().zip(place.iter()) {
+                lanes[lane] = *coordinate;
+            }
         }
-        node.children[lane] = child;
+        bvh.nodes[index].children[lane] = child;
     }
+    bvh.nodes[index].bounds = bounds.map(|corner| corner.map(f32x4::from));
     index
 }
 
@@ -71,7 +72,7 @@ fn add_leaf(bvh: &mut Bvh, items: &[Item]) -> Child {
 fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
     let mut parts = vec![items];
     while parts.len() < 4 {
-        let area = |part: &[Item]| if is_leaf(part) { -1.0 } else { bounds(part).half_area() };
+        let area = |part: &[Item]| if is_leaf(part) { -1.0 } else { bounds_of(part).half_area() };
         let Some(widest) = (0..parts.len())
             .filter(|&i| !is_leaf(parts[i]))
             .max_by(|&a, &b| area(parts[a]).total_cmp(&area(parts[b])))
@@ -91,7 +92,7 @@ fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
 }
 
 fn median(items: &mut [Item]) -> usize {
-    let axis = bounds(items).extent().imax();
+    let axis = bounds_of(items).extent().imax();
     let middle = items.len() / 2;
     let key = |item: &Item| item.bounds.center()[axis];
     items.select_nth_unstable_by(middle, |a, b| key(a).total_cmp(&key(b)).then(a.index.cmp(&b.index)));

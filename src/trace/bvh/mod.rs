@@ -5,9 +5,12 @@ mod build;
 mod packet;
 
 pub use build::Split;
-pub use packet::{Lanes, Packet};
+pub use packet::Packet;
 
-use super::math::{Aabb, Ray, Vec3};
+use wide::f32x4;
+
+use super::math::{Aabb, Ray};
+use packet::splat;
 
 /// What a leaf holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,7 +60,7 @@ impl Child {
 
 #[derive(Debug, Clone)]
 struct Node {
-    bounds: [[Lanes; 3]; 2], // [least, greatest][axis][child]; an empty child is an inverted box
+    bounds: [[f32x4; 3]; 2], // [least, greatest][axis][child]; an empty child is an inverted box
     children: [Child; 4],
 }
 
@@ -94,8 +97,7 @@ impl Bvh {
     /// may shorten `t_max`, and ends the search by returning true.
     #[inline(always)]
     pub fn traverse(&self, ray: &Ray, t_max: &mut f32, mut visit: impl FnMut(Leaf, &mut f32) -> bool) {
-        let inverse = ray.direction.map(|d| 1.0 / d);
-        let negative: [usize; 3] = std::array::from_fn(|axis| usize::from(inverse[axis].is_sign_negative()));
+        let slabs = Slabs::new(ray);
         let mut stack = [(Child(0), 0f32); STACK];
         let mut depth = usize::from(!self.nodes.is_empty());
         while depth > 0 {
@@ -108,18 +110,18 @@ impl Bvh {
             match child.0 >> KIND_SHIFT {
                 KIND_NODE => {
                     let node = &self.nodes[index as usize];
-                    let (entries, exits) = node.slabs(ray.origin, inverse, negative);
+                    let (entries, mut met) = slabs.meet(node, *t_max);
                     let first = depth;
-                    for lane in 0..4 {
-                        if entries[lane] <= exits[lane].min(*t_max) {
-                            let mut place = depth & (STACK - 1);
-                            while place > first && stack[place - 1].1 < entries[lane] {
-                                stack[place] = stack[place - 1];
-                                place -= 1;
-                            }
-                            stack[place] = (node.children[lane], entries[lane]);
-                            depth += 1;
+                    while met != 0 {
+                        let lane = met.trailing_zeros() as usize & 3;
+                        met &= met - 1;
+                        let mut place = depth & (STACK - 1);
+                        while place > first && stack[place - 1].1 < entries[lane] {
+                            stack[place] = stack[place - 1];
+                            place -= 1;
                         }
+                        stack[place] = (node.children[lane], entries[lane]);
+                        depth += 1;
                     }
                 }
                 kind => {
@@ -133,22 +135,34 @@ impl Bvh {
     }
 }
 
-impl Node {
-    /// Where a ray enters and leaves the four boxes. A ray in the plane of a face gives NaN in one
-    /// axis, which the comparisons' order drops.
+/// A ray as the slab test wants it.
+struct Slabs {
+    origin: [f32x4; 3],
+    inverse: [f32x4; 3],
+    negative: [usize; 3],
+}
+
+impl Slabs {
     #[inline(always)]
-    fn slabs(&self, origin: Vec3, inverse: Vec3, negative: [usize; 3]) -> (Lanes, Lanes) {
-        let (mut near, mut far) = ([0f32; 4], [f32::INFINITY; 4]);
+    fn new(ray: &Ray) -> Self {
+        // A tiny component in place of 0 keeps 0 · ∞ out of the test.
+        const TINY: f32 = 1e-30;
+        let inverse = ray.direction.map(|d| 1.0 / if d.abs() < TINY { TINY.copysign(d) } else { d });
+        let negative = std::array::from_fn(|axis| usize::from(inverse[axis] < 0.0));
+        Self { origin: splat(ray.origin), inverse: splat(inverse), negative }
+    }
+
+    /// Where the ray enters the four boxes of `node`, and bits for those it meets before `t_max`.
+    #[inline(always)]
+    fn meet(&self, node: &Node, t_max: f32) -> ([f32; 4], u32) {
+        let (mut near, mut far) = (f32x4::ZERO, f32x4::splat(t_max));
         for axis in 0..3 {
-            let (least, greatest) =
-                (&self.bounds[negative[axis]][axis], &self.bounds[1 - negative[axis]][axis]);
-            for lane in 0..4 {
-                let enter = (least[lane] - origin[axis]) * inverse[axis];
-                let leave = (greatest[lane] - origin[axis]) * inverse[axis] * SLAB_SLACK;
-                near[lane] = if enter > near[lane] { enter } else { near[lane] };
-                far[lane] = if leave < far[lane] { leave } else { far[lane] };
-            }
+            let side = self.negative[axis] & 1;
+            let enter = (node.bounds[side][axis] - self.origin[axis]) * self.inverse[axis];
+            let leave = (node.bounds[1 - side][axis] - self.origin[axis]) * self.inverse[axis];
+            near = enter.fast_max(near);
+            far = (leave * SLAB_SLACK).fast_min(far);
         }
-        (near, far)
+        (near.to_array(), near.simd_le(far).to_bitmask())
     }
 }

@@ -1,15 +1,14 @@
 //! Four triangles side by side, met by one ray at once (Möller and Trumbore 1997).
 
-use crate::trace::math::{Ray, Vec3};
+use wide::f32x4;
 
-/// One number for each of four children or triangles.
-pub type Lanes = [f32; 4];
+use crate::trace::math::{Ray, Vec3};
 
 /// Four triangles, each a corner and two edges; an unused lane has no extent and is never hit.
 #[derive(Debug, Clone)]
 pub struct Packet {
-    corner: [Lanes; 3],
-    edges: [[Lanes; 3]; 2],
+    corner: [f32x4; 3],
+    edges: [[f32x4; 3]; 2],
     triangles: [u32; 4],
 }
 
@@ -25,57 +24,63 @@ pub struct PacketHit {
 }
 
 #[inline(always)]
-fn each(f: impl Fn(usize) -> f32) -> Lanes {
-    [f(0), f(1), f(2), f(3)]
+fn cross(a: &[f32x4; 3], b: &[f32x4; 3]) -> [f32x4; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[inline(always)]
-fn cross(a: [Lanes; 3], b: [Lanes; 3]) -> [Lanes; 3] {
-    let term = |i: usize, j: usize| each(|l| a[i][l] * b[j][l] - a[j][l] * b[i][l]);
-    [term(1, 2), term(2, 0), term(0, 1)]
+fn dot(a: &[f32x4; 3], b: &[f32x4; 3]) -> f32x4 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// Every coordinate of `v` in all four lanes.
 #[inline(always)]
-fn dot(a: &[Lanes; 3], b: &[Lanes; 3]) -> Lanes {
-    each(|l| a[0][l] * b[0][l] + a[1][l] * b[1][l] + a[2][l] * b[2][l])
+pub fn splat(v: Vec3) -> [f32x4; 3] {
+    [f32x4::splat(v.x), f32x4::splat(v.y), f32x4::splat(v.z)]
 }
 
 impl Packet {
     /// Packs up to four triangles, given by index and corners.
     pub fn new(triangles: &[(u32, [Vec3; 3])]) -> Self {
-        let mut packet = Self { corner: Default::default(), edges: Default::default(), triangles: [0; 4] };
-        for (lane, (index, [a, b, c])) in triangles.iter().enumerate() {
-            packet.triangles[lane] = *index;
-            for axis in 0..3 {
-                packet.corner[axis][lane] = a[axis];
-                packet.edges[0][axis][lane] = b[axis] - a[axis];
-                packet.edges[1][axis][lane] = c[axis] - a[axis];
-            }
+        let lane = |f: &dyn Fn(&[Vec3; 3]) -> f32| {
+            f32x4::from(std::array::from_fn(|l| triangles.get(l).map_or(0.0, |(_, corners)| f(corners))))
+        };
+        let edge =
+            |k: usize| std::array::from_fn(|axis| lane(&|corners| corners[k][axis] - corners[0][axis]));
+        Self {
+            corner: std::array::from_fn(|axis| lane(&|corners| corners[0][axis])),
+            edges: [edge(1), edge(2)],
+            triangles: std::array::from_fn(|l| triangles.get(l).map_or(0, |(index, _)| *index)),
         }
-        packet
     }
 
     /// The nearest hit of `ray` in (0, `t_max`).
     #[inline(always)]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<PacketHit> {
-        let direction: [Lanes; 3] = std::array::from_fn(|axis| [ray.direction[axis]; 4]);
-        let from_corner: [Lanes; 3] = std::array::from_fn(|a| each(|l| ray.origin[a] - self.corner[a][l]));
+        let (origin, direction) = (splat(ray.origin), splat(ray.direction));
+        let from_corner = [0, 1, 2].map(|axis| origin[axis] - self.corner[axis]);
         let [e1, e2] = &self.edges;
-        let p = cross(direction, *e2);
-        let q = cross(from_corner, *e1);
-        let det = dot(e1, &p);
-        let inverse = each(|l| 1.0 / det[l]); // infinite in an unused lane, where no test below holds
-        let (du, dv, dt) = (dot(&from_corner, &p), dot(&direction, &q), dot(e2, &q));
-        let (u, v, t) =
-            (each(|l| du[l] * inverse[l]), each(|l| dv[l] * inverse[l]), each(|l| dt[l] * inverse[l]));
-        let mut nearest = None;
-        let mut limit = t_max;
-        for l in 0..4 {
-            if u[l] >= 0.0 && v[l] >= 0.0 && u[l] + v[l] <= 1.0 && t[l] > 0.0 && t[l] < limit {
-                limit = t[l];
-                nearest = Some(PacketHit { t: t[l], uv: [u[l], v[l]], triangle: self.triangles[l] });
-            }
+        let p = cross(&direction, e2);
+        let q = cross(&from_corner, e1);
+        let inverse = f32x4::ONE / dot(e1, &p); // infinite in an unused lane, where no test below holds
+        let u = dot(&from_corner, &p) * inverse;
+        let v = dot(&direction, &q) * inverse;
+        let t = dot(e2, &q) * inverse;
+        let inside = u.simd_ge(f32x4::ZERO) & v.simd_ge(f32x4::ZERO) & (u + v).simd_le(f32x4::ONE);
+        let hit = inside & t.simd_gt(f32x4::ZERO) & t.simd_lt(f32x4::splat(t_max));
+        let mut lanes = hit.to_bitmask();
+        if lanes == 0 {
+            return None;
         }
-        nearest
+        let (t, u, v) = (t.to_array(), u.to_array(), v.to_array());
+        let mut nearest = lanes.trailing_zeros() as usize;
+        lanes &= lanes - 1;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            nearest = if t[lane] < t[nearest] { lane } else { nearest };
+            lanes &= lanes - 1;
+        }
+        let l = nearest & 3;
+        Some(PacketHit { t: t[l], uv: [u[l], v[l]], triangle: self.triangles[l] })
     }
 }

@@ -7,8 +7,11 @@ use crate::trace::bsdf::{Conductor, Dielectric, Material, Plastic};
 use crate::trace::math::Vec3;
 use crate::trace::texture::Texture;
 
+/// Real and imaginary part of a metal's refraction index, per channel.
+type MetalIndex = ([f32; 3], [f32; 3]);
+
 /// Refraction indices of metals in linear Rec. 709 RGB, from measured spectra.
-const METALS: [(&str, ([f32; 3], [f32; 3])); 4] = [
+const METALS: [(&str, MetalIndex); 4] = [
     ("aluminium", ([1.657, 0.880, 0.521], [9.224, 6.270, 4.837])),
     ("copper", ([0.200, 0.924, 1.102], [3.912, 2.452, 2.142])),
     ("gold", ([0.143, 0.375, 1.442], [3.983, 2.386, 1.603])),
