@@ -232,7 +232,7 @@ def cornell_box():
 
 def teapot_scene(material, floor_material):
     return {
-        "camera": view((0, 3.2, 6.5), (0, 1.2, 0), 44),
+        "camera": view((0.3, 3.6, 8.2), (0.1, 1.35, 0), 44),
         "materials": {"pot": material, "floor": floor_material, "wall": diffuse(0.5, 0.55, 0.6)},
         "shapes": [
             teapot("pot", 1.0, (0, 0, 0), -25),
@@ -334,7 +334,7 @@ def lens_table():
 
 def motion_blur():
     return {
-        "camera": view((0, 1.6, 5), (0, 0.8, 0), 42),
+        "camera": view((0, 1.7, 5.6), (0, 0.75, 0), 44),
         "materials": {"floor": {"type": "diffuse", "reflectance": {"type": "checker", "color0": 0.25, "color1": 0.65, "scale": [10, 10]}},
                       "orange": diffuse(0.8, 0.4, 0.1), "blue": diffuse(0.15, 0.25, 0.7), "pot": diffuse(0.6, 0.6, 0.55)},
         "shapes": [
