@@ -4,6 +4,10 @@
 //! infinite, in either picture, is an error and never skipped: a metric that skips broken pixels
 //! makes a broken picture score better.
 
+mod calibration;
+
+pub use calibration::{Calibration, calibration};
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
 use crate::tone::{luminance, srgb};

@@ -4,7 +4,8 @@ use image::{ImageBuffer, ImageFormat, Rgb as Pixel, RgbImage};
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
-use crate::tone::srgb;
+use crate::metrics::REL_MSE_EPSILON;
+use crate::tone::{luminance, srgb};
 
 /// Columns of white between pictures that stand side by side.
 const GAP: u32 = 4;
@@ -55,6 +56,36 @@ pub fn heat_maps(planes: &[&Plane]) -> Result<Vec<u8>> {
         })
         .collect();
     encode(&row(&maps)?)
+}
+
+/// (x − r) / √(r² + 0.01) of the luminance, on a scale from blue (−0.5 or less: too dark) over white
+/// to red (0.5 or more: too bright), as PNG.
+///
+/// # Errors
+/// When the picture is too large for PNG.
+///
+/// # Panics
+/// When the pictures differ in size.
+pub fn signed_error(result: &Rgb, reference: &Rgb) -> Result<Vec<u8>> {
+    const FULL: f32 = 0.5;
+    let width = reference[0].width();
+    let error = Plane::from_fn(width, reference[0].height(), |x, y| {
+        let (a, r) = (luminance(result, y * width + x), luminance(reference, y * width + x));
+        (a - r) / (r * r + REL_MSE_EPSILON as f32).sqrt()
+    });
+    encode(&colored(&error, |value| {
+        let t = (value / FULL).clamp(-1.0, 1.0);
+        let [rise, fall] = [t.max(0.0), (-t).max(0.0)];
+        [1.0 - fall, 1.0 - rise.max(fall), 1.0 - rise].map(byte)
+    }))
+}
+
+/// A map of polynomial orders, 0 (black) to 3 (pale yellow), as PNG.
+///
+/// # Errors
+/// When the picture is too large for PNG.
+pub fn order_map(order: &Plane) -> Result<Vec<u8>> {
+    encode(&colored(order, |value| inferno(value / 3.0)))
 }
 
 /// `plane` through `color`.
@@ -131,6 +162,15 @@ mod tests {
         assert_eq!([at(0), at(1)], [INFERNO[0]; 2]);
         assert_eq!(at(2), INFERNO[4]);
         assert_eq!([at(3), at(4)], [INFERNO[8]; 2]);
+    }
+
+    #[test]
+    fn too_dark_is_blue_right_is_white_and_too_bright_is_red() {
+        let picture = |values: [f32; 3]| -> Rgb {
+            std::array::from_fn(|_| Plane::from_vec(3, 1, values.to_vec()).unwrap())
+        };
+        let map = decode(&signed_error(&picture([0.0, 1.0, 9.0]), &picture([1.0; 3])).unwrap());
+        assert_eq!([0, 1, 2].map(|x| map.get_pixel(x, 0).0), [[0, 0, 255], [255; 3], [255, 0, 0]]);
     }
 
     #[test]

@@ -1,0 +1,215 @@
+//! A sweep as one page that needs nothing but itself: charts, tables and pictures in one HTML file.
+
+use base64::Engine;
+
+use super::chart::{Chart, Series};
+use super::escape;
+use super::sweep::{Input, Run, Sweep, log_slope};
+
+const TEMPLATE: &str = include_str!("page.html");
+
+/// The page of `sweep`, complete HTML.
+pub fn page(sweep: &Sweep) -> String {
+    let svgs = |charts: Vec<Chart>| charts.iter().map(Chart::svg).collect::<String>();
+    let values = [
+        ("{{REFERENCE}}", escape(&sweep.reference)),
+        ("{{TIME_CHARTS}}", svgs(time_charts(sweep))),
+        ("{{SPP_CHART}}", spp_chart(sweep).svg()),
+        ("{{SLOPES}}", slopes(sweep)),
+        ("{{EQUAL_TIME}}", equal_time(sweep)),
+        ("{{CALIBRATION_CHARTS}}", svgs(calibration_charts(sweep))),
+        ("{{CALIBRATION}}", calibration(sweep)),
+        ("{{SCORES}}", scores(sweep)),
+        ("{{LAYERS}}", layers(sweep)), // last: file names in it could look like a place to fill
+    ];
+    values.iter().fold(TEMPLATE.to_string(), |page, (place, value)| page.replacen(place, value, 1))
+}
+
+/// Error against seconds, one chart for each input, the Pareto front joined by a line.
+pub fn time_charts(sweep: &Sweep) -> Vec<Chart> {
+    sweep.inputs.iter().map(time_chart).collect()
+}
+
+fn time_chart(input: &Input) -> Chart {
+    let front = input.pareto_front();
+    let points = |wanted: bool| {
+        let timed = input.runs.iter().zip(&front).filter(|(_, on_front)| **on_front == wanted);
+        let point = |(run, _): (&Run, _)| Some((run.seconds?, run.scores.rel_mse, run.name.clone()));
+        timed.filter_map(point).collect::<Vec<_>>()
+    };
+    let mut best = points(true);
+    best.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Chart {
+        title: format!("{}{}", input.name, input.spp.map_or(String::new(), |spp| format!(", {spp} spp"))),
+        x: "seconds".into(),
+        y: "relMSE".into(),
+        series: vec![
+            Series { name: "Pareto front".into(), points: best, line: true, discs: true },
+            Series { name: "other runs".into(), points: points(false), line: false, discs: true },
+        ],
+    }
+}
+
+/// Error against samples per pixel: the renders and each run.
+pub fn spp_chart(sweep: &Sweep) -> Chart {
+    let series = |name: Option<&str>| Series {
+        name: name.unwrap_or("not denoised").into(),
+        points: sweep.against_spp(name).into_iter().map(|(x, y)| (x, y, String::new())).collect(),
+        line: true,
+        discs: true,
+    };
+    Chart {
+        title: "Error against samples".into(),
+        x: "samples per pixel".into(),
+        y: "relMSE".into(),
+        series: std::iter::once(None).chain(names(sweep).into_iter().map(Some)).map(series).collect(),
+    }
+}
+
+/// Estimated against true error, one chart for each input.
+pub fn calibration_charts(sweep: &Sweep) -> Vec<Chart> {
+    let chart = |input: &Input| {
+        let of = |run: &Run| {
+            let groups = &run.calibration.as_ref()?.groups;
+            let points = groups.iter().map(|&(x, y)| (x, y, String::new())).collect();
+            Some(Series { name: run.name.clone(), points, line: true, discs: true })
+        };
+        let runs: Vec<Series> = input.runs.iter().filter_map(of).collect();
+        let values = || runs.iter().flat_map(|s| &s.points).flat_map(|p| [p.0, p.1]).filter(|v| *v > 0.0);
+        let (low, high) = (values().fold(f64::INFINITY, f64::min), values().fold(0.0, f64::max));
+        let equal = [low, high].map(|v| (v, v, String::new())).to_vec();
+        let equal = Series { name: "equal".into(), points: equal, line: true, discs: false };
+        Chart {
+            title: format!("Estimated and true error, {}", input.name),
+            x: "estimated squared error".into(),
+            y: "true squared error".into(),
+            series: std::iter::once(equal).chain(runs).collect(),
+        }
+    };
+    sweep.inputs.iter().map(chart).collect()
+}
+
+/// The runs' names in the order of their first appearance.
+fn names(sweep: &Sweep) -> Vec<&str> {
+    let mut names: Vec<&str> = vec![];
+    for run in sweep.inputs.iter().flat_map(|input| &input.runs) {
+        if !names.contains(&run.name.as_str()) {
+            names.push(&run.name);
+        }
+    }
+    names
+}
+
+fn slopes(sweep: &Sweep) -> String {
+    let row = |name: Option<&str>| {
+        let slope = log_slope(&sweep.against_spp(name))?;
+        Some(vec![name.unwrap_or("not denoised").to_string(), format!("{slope:.2}")])
+    };
+    let rows = std::iter::once(None).chain(names(sweep).into_iter().map(Some)).filter_map(row);
+    table("Slope of log error against log samples (−1: as fast as sampling)", &["run", "slope"], rows)
+}
+
+fn equal_time(sweep: &Sweep) -> String {
+    let heads = [
+        "run",
+        "seconds",
+        "relMSE",
+        "as good as spp",
+        "break-even, s per sample",
+        "samples bought",
+        "relMSE with them",
+    ];
+    let of = |input: &Input| {
+        let row = |run: &Run| {
+            let e = input.equal_time(run, sweep.sample_seconds)?;
+            let (samples, error) = e.bought.map_or(("–".into(), "–".into()), |(samples, error)| {
+                (format!("{samples:.1}"), format!("{error:.6}"))
+            });
+            Some(vec![
+                run.name.clone(),
+                format!("{:.3}", run.seconds?),
+                format!("{:.6}", run.scores.rel_mse),
+                format!("{:.0}", e.equivalent_spp),
+                format!("{:.4}", e.break_even_sample_seconds),
+                samples,
+                error,
+            ])
+        };
+        table(&input.name, &heads, input.runs.iter().filter_map(row))
+    };
+    sweep.inputs.iter().map(of).collect()
+}
+
+fn calibration(sweep: &Sweep) -> String {
+    let of = |input: &Input| {
+        let row = |run: &Run| {
+            let c = run.calibration.as_ref()?;
+            Some(vec![run.name.clone(), format!("{:.3}", c.ratio), format!("{:.3}", c.rank_correlation)])
+        };
+        table(
+            &input.name,
+            &["run", "estimated / true", "rank correlation"],
+            input.runs.iter().filter_map(row),
+        )
+    };
+    sweep.inputs.iter().map(of).collect()
+}
+
+fn scores(sweep: &Sweep) -> String {
+    let heads = ["run", "seconds", "relMSE", "relMSE trimmed", "RMSE", "SMAPE", "SSIM", "energy"];
+    let cells = |name: &str, seconds: Option<f64>, s: &crate::metrics::Scores| {
+        let mut cells =
+            vec![name.to_string(), seconds.map_or("–".into(), |seconds| format!("{seconds:.3}"))];
+        cells.extend([s.rel_mse, s.trimmed_rel_mse, s.rmse].map(|value| format!("{value:.6}")));
+        cells.extend([s.smape, s.ssim].map(|value| format!("{value:.4}")));
+        cells.push(format!("{:+.2} %", 100.0 * s.energy));
+        cells
+    };
+    let of = |input: &Input| {
+        let front = input.pareto_front();
+        let runs =
+            input.runs.iter().zip(front).map(|(run, front)| (cells(&run.name, run.seconds, &run.scores), front));
+        let noisy = ("noisy", cells("not denoised", None, &input.noisy));
+        let rows = std::iter::once(noisy)
+            .chain(runs.map(|(cells, front)| (if front { "front" } else { "" }, cells)))
+            .map(|(class, cells)| row(class, &cells));
+        whole_table(&input.name, &heads, rows)
+    };
+    sweep.inputs.iter().map(of).collect()
+}
+
+fn table(caption: &str, heads: &[&str], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let mut rows = rows.map(|cells| row("", &cells)).peekable();
+    if rows.peek().is_none() { String::new() } else { whole_table(caption, heads, rows) }
+}
+
+fn whole_table(caption: &str, heads: &[&str], rows: impl Iterator<Item = String>) -> String {
+    let heads: String = heads.iter().map(|head| format!("<th>{}</th>", escape(head))).collect();
+    let rows: String = rows.collect();
+    format!("<table><caption>{}</caption><tr>{heads}</tr>\n{rows}</table>\n", escape(caption))
+}
+
+fn row(class: &str, cells: &[String]) -> String {
+    let cells: String = cells.iter().map(|cell| format!("<td>{}</td>", escape(cell))).collect();
+    format!("<tr class=\"{class}\">{cells}</tr>\n")
+}
+
+/// The pictures as JSON for the page's script, PNG in data URIs.
+fn layers(sweep: &Sweep) -> String {
+    let inputs: Vec<serde_json::Value> = sweep
+        .inputs
+        .iter()
+        .map(|input| {
+            let layer = |layer: &super::sweep::Layer| {
+                let png = base64::engine::general_purpose::STANDARD.encode(&layer.png);
+                serde_json::json!({ "name": layer.name, "png": format!("data:image/png;base64,{png}") })
+            };
+            serde_json::json!({
+                "name": input.name,
+                "layers": input.layers.iter().map(layer).collect::<Vec<_>>(),
+            })
+        })
+        .collect();
+    // A script ends at the first "</", also inside a string.
+    serde_json::Value::from(inputs).to_string().replace("</", "<\\/")
+}
