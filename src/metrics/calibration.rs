@@ -105,9 +105,7 @@ mod tests {
     fn the_opposite_order_gives_minus_one_and_ties_share_their_rank() {
         let result: Rgb = std::array::from_fn(|_| Plane::from_fn(6, 1, |x, _| x as f32));
         let mse = Plane::from_fn(6, 1, |x, _| 6.0 - x as f32);
-        assert!(
-            (calibration(&mse, &result, &black(6, 1)).unwrap().rank_correlation + 1.0).abs() < 1e-12
-        );
+        assert!((calibration(&mse, &result, &black(6, 1)).unwrap().rank_correlation + 1.0).abs() < 1e-12);
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 0.0]), [2.5, 1.0, 2.5, 0.0]);
     }
 

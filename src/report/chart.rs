@@ -147,13 +147,12 @@ impl Series {
         }
         for (px, py, label) in points {
             if self.discs {
-                put(
-                    svg,
-                    format_args!("<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{color}\"/>\n"),
-                );
+                put(svg, format_args!("<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{color}\"/>\n"));
             }
+            let inward = px > (LEFT + WIDTH - RIGHT) / 2.0; // away from the nearer edge
+            let (dx, anchor) = if inward { (-7.0, "end") } else { (7.0, "start") };
             if !label.is_empty() {
-                text(svg, px + 7.0, py - 5.0, "font-size=\"11\"", label);
+                text(svg, px + dx, py - 5.0, &format!("font-size=\"11\" text-anchor=\"{anchor}\""), label);
             }
         }
     }

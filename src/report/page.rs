@@ -13,6 +13,7 @@ pub fn page(sweep: &Sweep) -> String {
     let svgs = |charts: Vec<Chart>| charts.iter().map(Chart::svg).collect::<String>();
     let values = [
         ("{{REFERENCE}}", escape(&sweep.reference)),
+        ("{{FLOOR}}", floor(sweep)),
         ("{{TIME_CHARTS}}", svgs(time_charts(sweep))),
         ("{{SPP_CHART}}", spp_chart(sweep).svg()),
         ("{{SLOPES}}", slopes(sweep)),
@@ -23,6 +24,15 @@ pub fn page(sweep: &Sweep) -> String {
         ("{{LAYERS}}", layers(sweep)), // last: file names in it could look like a place to fill
     ];
     values.iter().fold(TEMPLATE.to_string(), |page, (place, value)| page.replacen(place, value, 1))
+}
+
+fn floor(sweep: &Sweep) -> String {
+    match sweep.reference_noise {
+        Some(noise) => format!("The reference's own noise adds {noise:.6} to every relMSE on this page."),
+        None => {
+            "The reference's own noise is in every figure; how much that is, the file does not tell.".into()
+        }
+    }
 }
 
 /// Error against seconds, one chart for each input, the Pareto front joined by a line.
@@ -158,8 +168,7 @@ fn calibration(sweep: &Sweep) -> String {
 fn scores(sweep: &Sweep) -> String {
     let heads = ["run", "seconds", "relMSE", "relMSE trimmed", "RMSE", "SMAPE", "SSIM", "energy"];
     let cells = |name: &str, seconds: Option<f64>, s: &crate::metrics::Scores| {
-        let mut cells =
-            vec![name.to_string(), seconds.map_or("–".into(), |seconds| format!("{seconds:.3}"))];
+        let mut cells = vec![name.to_string(), seconds.map_or("–".into(), |seconds| format!("{seconds:.3}"))];
         cells.extend([s.rel_mse, s.trimmed_rel_mse, s.rmse].map(|value| format!("{value:.6}")));
         cells.extend([s.smape, s.ssim].map(|value| format!("{value:.4}")));
         cells.push(format!("{:+.2} %", 100.0 * s.energy));
@@ -167,8 +176,11 @@ fn scores(sweep: &Sweep) -> String {
     };
     let of = |input: &Input| {
         let front = input.pareto_front();
-        let runs =
-            input.runs.iter().zip(front).map(|(run, front)| (cells(&run.name, run.seconds, &run.scores), front));
+        let runs = input
+            .runs
+            .iter()
+            .zip(front)
+            .map(|(run, front)| (cells(&run.name, run.seconds, &run.scores), front));
         let noisy = ("noisy", cells("not denoised", None, &input.noisy));
         let rows = std::iter::once(noisy)
             .chain(runs.map(|(cells, front)| (if front { "front" } else { "" }, cells)))
@@ -210,6 +222,6 @@ fn layers(sweep: &Sweep) -> String {
             })
         })
         .collect();
-    // A script ends at the first "</", also inside a string.
-    serde_json::Value::from(inputs).to_string().replace("</", "<\\/")
+    // HTML looks for its own marks inside scripts' strings too.
+    serde_json::Value::from(inputs).to_string().replace('<', "\\u003c")
 }

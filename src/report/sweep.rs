@@ -9,6 +9,8 @@ use crate::metrics::{Calibration, Scores};
 pub struct Sweep {
     /// The reference's file.
     pub reference: String,
+    /// The relMSE that the reference's own noise adds to every figure, where its halves tell.
+    pub reference_noise: Option<f64>,
     /// The renders, as they were given.
     pub inputs: Vec<Input>,
     /// What one more sample of every pixel takes the renderer, in seconds, where it was told.
@@ -186,6 +188,7 @@ mod tests {
     fn inputs_are_ordered_by_their_samples() {
         let sweep = Sweep {
             reference: "ref".into(),
+            reference_noise: None,
             inputs: vec![input(64.0, &[(1.0, 0.1)]), input(16.0, &[(1.0, 0.3)])],
             sample_seconds: None,
         };

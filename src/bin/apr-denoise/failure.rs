@@ -29,6 +29,6 @@ pub fn told(program: impl FnOnce() -> Result<()>) -> ExitCode {
 
 #[expect(clippy::print_stderr, reason = "where this program complains")]
 fn complain(message: &str, kind: ErrorKind) -> ExitCode {
-    eprintln!("apr-denoise: {message}");
+    eprintln!("{}: {message}", env!("CARGO_BIN_NAME"));
     ExitCode::from(kind.exit_code())
 }

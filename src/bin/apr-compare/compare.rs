@@ -1,25 +1,15 @@
-//! `apr-compare RESULT REFERENCE [MORE…]`: how far results are from their reference.
+//! Results against their reference.
 
 use std::path::{Path, PathBuf};
-use std::process::ExitCode;
 
 use apr::image::Rgb;
 use apr::metrics::{self, Scores};
 use apr::report::png;
-use apr::{ErrorKind, Result, io};
-use clap::Parser;
+use apr::{Result, io};
 
-/// Compare denoised pictures with a reference.
-///
-/// Prints RMSE, relMSE (epsilon 0.01), relMSE without the worst 0.1 % of the pixels, SMAPE, SSIM of
-/// the tone-mapped luminance, and the difference in energy. A pixel that is NaN or infinite is an
-/// error.
-///
-/// Exit codes: 0 done, 2 usage, 3 unreadable input, 4 pictures that cannot be compared, 5 cannot
-/// write, 70 internal.
-#[derive(Parser)]
-#[command(name = "apr-compare", version)]
-struct Arguments {
+/// What to compare, and how to show it.
+#[derive(clap::Args)]
+pub struct CompareArguments {
     /// The picture to judge (EXR).
     result: PathBuf,
     /// What it should be (EXR).
@@ -38,26 +28,11 @@ struct Arguments {
     side_by_side: Option<PathBuf>,
 }
 
-fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(text) => print(&text),
-        Err(error) => fail(&error.to_string(), error.kind()),
-    }
-}
-
-#[expect(clippy::print_stdout, reason = "the one place where this program answers")]
-fn print(text: &str) -> ExitCode {
-    print!("{text}");
-    ExitCode::SUCCESS
-}
-
-#[expect(clippy::print_stderr, reason = "the one place where this program complains")]
-fn fail(message: &str, kind: ErrorKind) -> ExitCode {
-    eprintln!("apr-compare: {message}");
-    ExitCode::from(kind.exit_code())
-}
-
-fn run(arguments: &Arguments) -> Result<String> {
+/// Compares and answers with the table or the JSON.
+///
+/// # Errors
+/// When a picture cannot be read, compared or written.
+pub fn run(arguments: &CompareArguments) -> Result<String> {
     let reference = io::read_rgb(&arguments.reference)?;
     metrics::finite(&reference, "the reference").map_err(|e| e.in_file(&arguments.reference))?;
     let paths: Vec<&Path> =
@@ -105,7 +80,7 @@ fn table(paths: &[&Path], scores: &[Scores]) -> String {
     text
 }
 
-fn json(arguments: &Arguments, paths: &[&Path], scores: &[Scores]) -> Result<String> {
+fn json(arguments: &CompareArguments, paths: &[&Path], scores: &[Scores]) -> Result<String> {
     #[derive(serde::Serialize)]
     struct Row {
         result: String,

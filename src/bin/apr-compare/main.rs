@@ -1,0 +1,54 @@
+//! `apr-compare RESULT REFERENCE [MORE…]`: how far results are from their reference;
+//! `apr-compare sweep INPUT… --reference REF`: what accuracy costs in time.
+
+mod compare;
+#[path = "../apr-denoise/failure.rs"]
+mod failure;
+mod sweep;
+mod variants;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Compare denoised pictures with a reference.
+///
+/// Prints RMSE, relMSE (epsilon 0.01), relMSE without the worst 0.1 % of the pixels, SMAPE, SSIM of
+/// the tone-mapped luminance, and the difference in energy. A pixel that is NaN or infinite is an
+/// error.
+#[derive(Parser)]
+#[command(name = "apr-compare", version, after_help = EXIT_CODES)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct CommandLine {
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[command(flatten)]
+    compare: Option<compare::CompareArguments>,
+}
+
+#[derive(clap::Subcommand)]
+enum Command {
+    Sweep(sweep::SweepArguments),
+}
+
+const EXIT_CODES: &str = "Exit codes:
+  0    done
+  2    usage: an option or argument makes no sense
+  3    an input is missing, damaged, or uses a feature that is not supported
+  4    the pictures cannot be compared: sizes that differ, pixels that are not finite
+  5    the result cannot be written
+  70   a defect of this program";
+
+fn main() -> ExitCode {
+    let arguments = CommandLine::parse();
+    failure::told(|| match (&arguments.command, &arguments.compare) {
+        (Some(Command::Sweep(sweep)), _) => sweep::run(sweep).map(|text| print(&text)),
+        (None, Some(compare)) => compare::run(compare).map(|text| print(&text)),
+        (None, None) => unreachable!("clap asks for one of them"),
+    })
+}
+
+#[expect(clippy::print_stdout, reason = "the one place where this program answers")]
+fn print(text: &str) {
+    print!("{text}");
+}

@@ -1,0 +1,227 @@
+//! The sweep: every variant on every input, timed and judged.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use apr::image::{Plane, Rgb};
+use apr::io::{self, Picture, ReadOptions};
+use apr::metrics::{self, REL_MSE_EPSILON};
+use apr::report::sweep::{Input, Layer, Run, Sweep};
+use apr::report::{self, page, png};
+use apr::{Error, ErrorKind, Frame, Result, denoise};
+use serde::Deserialize;
+
+use crate::variants::{Variant, read_text, variants};
+
+/// Show what accuracy costs in time: run many settings on renders of one scene, and write a page.
+///
+/// Writes index.html (complete in itself), sweep.json, the charts as SVG and the pictures as PNG.
+#[derive(clap::Args)]
+pub struct SweepArguments {
+    /// Renders of one scene with different numbers of samples (EXR).
+    #[arg(required = true)]
+    inputs: Vec<PathBuf>,
+    /// The same scene with so many samples that its own noise does not matter (EXR).
+    #[arg(long, value_name = "FILE")]
+    reference: PathBuf,
+    /// The folder for the page; made when missing.
+    #[arg(long, value_name = "FOLDER", default_value = "report")]
+    out: PathBuf,
+    /// Settings to try instead of the built-in ones: a JSON array of {"name": …, "options": {…}}.
+    #[arg(long, value_name = "FILE.json")]
+    variants: Option<PathBuf>,
+    /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …};
+    /// input as given here, picture an EXR (relative to the JSON), seconds may be left out.
+    #[arg(long, value_name = "FILE.json")]
+    rivals: Option<PathBuf>,
+    /// Run each setting this often; the fastest run counts.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    repeat: u32,
+    /// What one more sample of every pixel takes the renderer, for the table of equal times.
+    #[arg(long, value_name = "SECONDS")]
+    sample_seconds: Option<f64>,
+    /// Samples per pixel, where a single input's header lacks it.
+    #[arg(long, value_name = "N")]
+    spp: Option<f32>,
+}
+
+/// Another denoiser's result.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Rival {
+    name: String,
+    input: PathBuf,
+    picture: PathBuf,
+    seconds: Option<f64>,
+}
+
+/// Runs the sweep, writes the page and answers with a short table.
+///
+/// # Errors
+/// When an input cannot be read, a variant makes no sense, or the folder cannot be written.
+pub fn run(arguments: &SweepArguments) -> Result<String> {
+    let variants = variants(arguments.variants.as_deref())?;
+    let rivals = rivals(arguments.rivals.as_deref())?;
+    let reference_file = Picture::read(&arguments.reference, &ReadOptions::default())?;
+    let reference = reference_file.frame().color();
+    let read = ReadOptions { spp: arguments.spp, ..ReadOptions::default() };
+    let inputs = names(&arguments.inputs)
+        .zip(&arguments.inputs)
+        .map(|(name, path)| {
+            let picture = Picture::read(path, &read)?;
+            let trial = Trial { name, path, frame: picture.frame(), reference };
+            trial.input(&variants, &rivals, arguments.repeat).map_err(|error| error.in_file(path))
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let sweep = Sweep {
+        reference: arguments.reference.display().to_string(),
+        reference_noise: reference_noise(reference_file.frame())?,
+        inputs,
+        sample_seconds: arguments.sample_seconds,
+    };
+    write(&sweep, &arguments.out)?;
+    Ok(summary(&sweep, &arguments.out))
+}
+
+/// The inputs' file names, or their whole paths where two names are equal.
+fn names(paths: &[PathBuf]) -> impl Iterator<Item = String> {
+    let stems: Vec<_> = paths.iter().map(|path| path.file_stem().unwrap_or_default()).collect();
+    let differ = stems.iter().enumerate().all(|(i, stem)| !stems[..i].contains(stem));
+    let name = move |(path, stem): (&PathBuf, &std::ffi::OsStr)| {
+        if differ { stem.to_string_lossy().into_owned() } else { path.display().to_string() }
+    };
+    paths.iter().zip(stems).map(name)
+}
+
+/// relMSE between the truth and a reference with halves A and B: A differs from their mean by
+/// (A − B) / 2, whose variance is that of the mean.
+fn reference_noise(reference: &Frame) -> Result<Option<f64>> {
+    let noise = |halves: &[Rgb; 2]| metrics::rel_mse(&halves[0], reference.color()).map(|m| m.value);
+    reference.halves().map(noise).transpose()
+}
+
+/// One input on trial.
+struct Trial<'a> {
+    name: String,
+    path: &'a Path,
+    frame: &'a Frame,
+    reference: &'a Rgb,
+}
+
+impl Trial<'_> {
+    fn input(&self, variants: &[Variant], rivals: &[Rival], repeat: u32) -> Result<Input> {
+        let noisy = metrics::scores(self.frame.color(), self.reference)?;
+        let layer = |name: &str, png| Layer { name: name.to_string(), png };
+        let mut layers = vec![
+            layer("reference", png::side_by_side(&[self.reference])?),
+            layer("noisy", png::side_by_side(&[self.frame.color()])?),
+        ];
+        let mut runs = vec![];
+        for variant in variants {
+            runs.push(self.variant(variant, repeat, &mut layers)?);
+        }
+        for rival in rivals.iter().filter(|rival| rival.input == self.path) {
+            let color = io::read_rgb(&rival.picture)?;
+            let scores =
+                metrics::scores(&color, self.reference).map_err(|error| error.in_file(&rival.picture))?;
+            self.look(&rival.name, &color, &mut layers)?;
+            runs.push(Run { name: rival.name.clone(), seconds: rival.seconds, scores, calibration: None });
+        }
+        Ok(Input { name: self.name.clone(), spp: self.frame.spp().map(f64::from), noisy, runs, layers })
+    }
+
+    fn variant(&self, variant: &Variant, repeat: u32, layers: &mut Vec<Layer>) -> Result<Run> {
+        let mut seconds = f64::INFINITY;
+        let mut denoised = None;
+        for _ in 0..repeat {
+            let start = Instant::now();
+            denoised = Some(denoise(self.frame, &variant.options)?);
+            seconds = seconds.min(start.elapsed().as_secs_f64());
+        }
+        let denoised = denoised.expect("every setting runs at least once");
+        let calibration = metrics::calibration(&denoised.mse, &denoised.color, self.reference)?;
+        self.look(&variant.name, &denoised.color, layers)?;
+        let estimate = self.relative(&denoised.mse);
+        let mut add = |what: &str, png| layers.push(Layer { name: format!("{}: {what}", variant.name), png });
+        add("estimated error", png::heat_maps(&[&estimate])?);
+        add("order", png::order_map(&denoised.order)?);
+        Ok(Run {
+            name: variant.name.clone(),
+            seconds: Some(seconds),
+            scores: metrics::scores(&denoised.color, self.reference)?,
+            calibration: Some(calibration),
+        })
+    }
+
+    /// The layers that every result has.
+    fn look(&self, name: &str, color: &Rgb, layers: &mut Vec<Layer>) -> Result<()> {
+        let truth = metrics::rel_mse(color, self.reference)?.plane;
+        let mut add = |name: String, png| layers.push(Layer { name, png });
+        add(name.to_string(), png::side_by_side(&[color])?);
+        add(format!("{name}: signed error"), png::signed_error(color, self.reference)?);
+        add(format!("{name}: true error"), png::heat_maps(&[&truth])?);
+        Ok(())
+    }
+
+    /// An estimated squared error as a relative one, like relMSE's.
+    fn relative(&self, mse: &Plane) -> Plane {
+        Plane::from_fn(mse.width(), mse.height(), |x, y| {
+            let square = self.reference.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>() / 3.0;
+            mse.get(x, y) / (square + REL_MSE_EPSILON as f32)
+        })
+    }
+}
+
+fn rivals(path: Option<&Path>) -> Result<Vec<Rival>> {
+    let Some(path) = path else { return Ok(vec![]) };
+    let mut rivals: Vec<Rival> = serde_json::from_str(&read_text(path)?)
+        .map_err(|e| Error::new(ErrorKind::Usage, format!("no list of rivals: {e}")).in_file(path))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    rivals.iter_mut().for_each(|rival| rival.picture = folder.join(&rival.picture));
+    Ok(rivals)
+}
+
+fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder.join("pictures")).map_err(|error| {
+        Error::new(ErrorKind::Unwritable, format!("the folder cannot be made: {error}")).in_file(folder)
+    })?;
+    let put = |name: &str, text: &str| io::write_bytes(folder.join(name), text.as_bytes());
+    put("index.html", &page::page(sweep))?;
+    put("sweep.json", &report::json(sweep)?)?;
+    put("samples.svg", &page::spp_chart(sweep).svg())?;
+    let charts = page::time_charts(sweep).into_iter().zip(page::calibration_charts(sweep));
+    for (input, (time, calibration)) in sweep.inputs.iter().zip(charts) {
+        let name = plain(&input.name);
+        put(&format!("time-{name}.svg"), &time.svg())?;
+        put(&format!("calibration-{name}.svg"), &calibration.svg())?;
+        for layer in &input.layers {
+            let file = format!("pictures/{name}-{}.png", plain(&layer.name));
+            io::write_bytes(folder.join(file), &layer.png)?;
+        }
+    }
+    Ok(())
+}
+
+/// `name` with `-` for whatever file names do not bear.
+fn plain(name: &str) -> String {
+    name.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '-' }).collect()
+}
+
+fn summary(sweep: &Sweep, folder: &Path) -> String {
+    let mut text = String::new();
+    for input in &sweep.inputs {
+        text += &format!("{}: relMSE {:.6} before\n", input.name, input.noisy.rel_mse);
+        for (run, front) in input.runs.iter().zip(input.pareto_front()) {
+            let seconds = run.seconds.map_or("        –".to_string(), |s| format!("{s:8.3}s"));
+            let calibration = run.calibration.as_ref().map_or(String::new(), |c| {
+                format!("  estimated/true {:.2}  rank correlation {:.2}", c.ratio, c.rank_correlation)
+            });
+            let mark = if front { '*' } else { ' ' };
+            text += &format!(
+                "{mark} {:24}  {seconds}  relMSE {:.6}{calibration}\n",
+                run.name, run.scores.rel_mse
+            );
+        }
+    }
+    text + &format!("the page is {}\n", folder.join("index.html").display())
+}
