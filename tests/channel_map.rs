@@ -424,6 +424,31 @@ fn renderers_with_one_file_per_buffer_are_read_from_the_folder() {
 }
 
 #[test]
+fn parts_are_layers_but_for_the_one_that_holds_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("parts.exr");
+    let part = |name, names: &[&str]| {
+        layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names))
+    };
+    let cases: [(&str, &str, &[&str]); 3] = [
+        ("rgba", "Z", &["color mean: R", "albedo mean: R", "depth mean: Z"]),
+        ("whatever", "depth.Z", &["color mean: R", "albedo mean: R", "depth mean: depth.Z"]),
+        ("V.Combined", "depth.Z", &["color mean: R", "depth mean: Z"]),
+    ];
+    for (name, depth, expected) in cases {
+        let blender = name == "V.Combined";
+        let parts = if blender {
+            vec![part("V.Depth", &["Z"]), part(name, &["R", "G", "B"])]
+        } else {
+            vec![part(name, &["R", "G", "B", depth]), part("albedo", &["R", "G", "B"])]
+        };
+        exr_files::write(&path, IntegerBounds::from_dimensions(SIZE), parts);
+        let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
+        assert_eq!(roles(&picture), expected, "{name}");
+    }
+}
+
+#[test]
 fn what_is_lacking_or_senseless_is_told_with_a_remedy() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("render.exr");

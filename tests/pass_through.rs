@@ -127,7 +127,7 @@ fn parts_with_windows_of_their_own_survive_even_when_lossy() {
         part("depth", large, (-5, -5), Compression::ZIP16, &["Z"]),
         lossy,
         part("rgba", small, (3, 2), Compression::ZIP1, &["R", "G", "B", "A"]),
-        part("albedo", (8, 8), (20, 20), Compression::PIZ, &["R", "G", "B"]),
+        part("normal", (8, 8), (20, 20), Compression::PIZ, &["X", "Y", "Z"]),
     ];
     write(&input, IntegerBounds::new((0, 0), (64, 48)), parts);
     let (before, after, _) = through(folder.path(), &input, false);
@@ -138,10 +138,10 @@ fn parts_with_windows_of_their_own_survive_even_when_lossy() {
     assert_eq!(depth.size(), small, "the depth is cut to the colour's window");
     let stored = values(large.0 * large.1, 0);
     assert_eq!(depth.get(1, 2), stored[(2 + 2 + 5) * large.0 + 1 + 3 + 5]);
-    let albedo =
-        &picture.frame().features().iter().find(|feature| feature.name == "albedo").unwrap().planes[2];
-    assert_eq!(albedo.get(16, 18), 0.0, "outside of its part");
-    assert_eq!(albedo.get(17, 18), values(64, 2)[0], "its first pixel");
+    let normal =
+        &picture.frame().features().iter().find(|feature| feature.name == "normal").unwrap().planes[2];
+    assert_eq!(normal.get(16, 18), 0.0, "outside of its part");
+    assert_eq!(normal.get(17, 18), values(64, 2)[0], "its first pixel");
     assert!(picture.layout().notes.iter().any(|note| note.contains("data window")));
 }
 

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use super::bounds;
 use super::channels::{Role, Statistic, VarianceKind};
 use super::layers::Channel;
-use super::misses;
+use super::mapping::Target;
 use super::roles::Choice;
 use super::variance::{Samples, from_halves, to_variance_of_mean};
 use crate::error::{Error, ErrorKind, Result};
@@ -26,6 +27,21 @@ impl Planes {
         }
         read.retain(|channel, _| uses.contains_key(channel));
         Self { read, uses }
+    }
+
+    /// Everything that `choices` have for a role.
+    fn group(&mut self, choices: &[Choice], role: Role, feature: &str) -> Group {
+        let mut take = |wanted: fn(Statistic) -> bool| {
+            let choice = choices.iter().find(|choice| {
+                let target = &choice.target;
+                target.role == role && target.feature == feature && wanted(target.statistic)
+            })?;
+            Some((choice.target.statistic, self.take(choice)))
+        };
+        let mean = take(|s| s == Statistic::Mean).map(|(_, planes)| planes).unwrap_or_default();
+        let variance = take(|s| matches!(s, Statistic::Variance(_)));
+        let halves = [take(|s| s == Statistic::HalfA), take(|s| s == Statistic::HalfB)];
+        Group { mean, variance, halves: halves.map(|half| half.map(|(_, planes)| planes)) }
     }
 
     fn take(&mut self, choice: &Choice) -> Vec<Plane> {
@@ -75,33 +91,11 @@ pub(super) fn assemble(
     given: Given,
     remarks: &mut Remarks,
 ) -> Result<Frame> {
-    let find = |role: Role, feature: &str, wanted: fn(Statistic) -> bool| {
-        choices.iter().find(|choice| {
-            let target = &choice.target;
-            target.role == role && target.feature == feature && wanted(target.statistic)
-        })
-    };
-    let counts =
-        find(Role::SampleCount, "", |_| true).and_then(|choice| planes.take(choice).into_iter().next());
+    let counts = choices.iter().find(|choice| choice.target.role == Role::SampleCount);
+    let counts = counts.and_then(|choice| planes.take(choice).into_iter().next());
     let samples = Samples::new(given.spp, counts);
-    let mut group = |role: Role, feature: &str, kind: Option<FeatureKind>| {
-        let mut take =
-            |wanted| find(role, feature, wanted).map(|choice| (choice.target.statistic, planes.take(choice)));
-        let group = Group {
-            mean: take(|s| s == Statistic::Mean).map(|(_, planes)| planes).unwrap_or_default(),
-            variance: take(|s| matches!(s, Statistic::Variance(_))),
-            halves: [take(|s| s == Statistic::HalfA), take(|s| s == Statistic::HalfB)]
-                .map(|half| half.map(|(_, p)| p)),
-        };
-        let mut settled =
-            group.settle(if feature.is_empty() { "color" } else { feature }, given.kind, &samples, remarks);
-        if matches!(kind, Some(FeatureKind::Depth | FeatureKind::Position)) {
-            settled.bound_misses(feature, remarks);
-        }
-        settled
-    };
 
-    let color = group(Role::Color, "", None);
+    let color = planes.group(choices, Role::Color, "").settle("color", given.kind, &samples, remarks);
     let mut frame = Frame::new(rgb(color.mean)?)?;
     if let Some(variance) = color.variance {
         frame = frame.with_variance_of_mean(rgb(variance)?)?;
@@ -109,16 +103,14 @@ pub(super) fn assemble(
     if let Some([a, b]) = color.halves {
         frame = frame.with_halves([rgb(a)?, rgb(b)?])?;
     }
-    for choice in choices {
-        let Role::Feature(kind) = choice.target.role else { continue };
-        if choice.target.statistic == Statistic::Mean {
-            let name = &choice.target.feature;
-            let Settled { mean, variance, halves } = group(choice.target.role, name, Some(kind));
-            let mut feature = Feature::new(name.clone(), kind, mean);
-            feature.var_of_mean = variance;
-            feature.halves = halves;
-            frame = frame.with_feature(feature)?;
-        }
+    for Target { role, feature: name, statistic } in choices.iter().map(|choice| &choice.target) {
+        let (Role::Feature(kind), Statistic::Mean) = (*role, statistic) else { continue };
+        let mut settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks);
+        settled.bound(kind, name, remarks);
+        let mut feature = Feature::new(name.clone(), kind, settled.mean);
+        feature.var_of_mean = settled.variance;
+        feature.halves = settled.halves;
+        frame = frame.with_feature(feature)?;
     }
     Ok(match samples.mean() {
         Some(spp) => frame.with_spp(spp),
@@ -141,19 +133,28 @@ struct Settled {
 }
 
 impl Settled {
-    /// Depth and position of what is not there are brought into range.
-    fn bound_misses(&mut self, name: &str, remarks: &mut Remarks) {
-        let mut misses = 0;
+    /// Values that a feature of this kind cannot have are brought into range.
+    fn bound(&mut self, kind: FeatureKind, name: &str, remarks: &mut Remarks) {
+        type Bound = fn(&mut Plane, Option<&mut Plane>) -> usize;
+        let (bound, what): (Bound, _) = match kind {
+            FeatureKind::Depth | FeatureKind::Position => (
+                bounds::bound_misses,
+                "values beyond any surface (misses) were moved to the end of the range",
+            ),
+            FeatureKind::Albedo => {
+                (bounds::cut_albedo, "values above 1 are no reflectance and were cut to 1")
+            }
+            _ => return,
+        };
+        let mut count = 0;
         for (c, plane) in self.mean.iter_mut().enumerate() {
-            misses += misses::bound(plane, self.variance.as_mut().map(|variance| &mut variance[c]));
+            count += bound(plane, self.variance.as_mut().map(|variance| &mut variance[c]));
         }
         for plane in self.halves.iter_mut().flatten().flatten() {
-            misses::bound(plane, None);
+            bound(plane, None);
         }
-        if misses > 0 {
-            remarks.notes.push(format!(
-                "{name}: {misses} values beyond any surface (misses) were moved to the end of the range"
-            ));
+        if count > 0 {
+            remarks.notes.push(format!("{name}: {count} {what}"));
         }
     }
 }
@@ -208,7 +209,7 @@ fn other_half(mean: &[Plane], a: &[Plane]) -> Vec<Plane> {
 }
 
 /// Three planes as they are, or one for all three channels.
-fn rgb(planes: Vec<Plane>) -> Result<Rgb> {
+pub(super) fn rgb(planes: Vec<Plane>) -> Result<Rgb> {
     let count = planes.len();
     match planes.try_into() {
         Ok(rgb) => Ok(rgb),
@@ -223,62 +224,4 @@ fn rgb(planes: Vec<Plane>) -> Result<Rgb> {
             .remedy("name them by --map color=R,G,B")),
         },
     }
-}
-
-/// Two frames of the same scene with independent seeds as one: means of both, with both as halves.
-///
-/// # Errors
-/// `Lacking` when they differ in size.
-pub(super) fn merge_halves(a: &Frame, b: &Frame, from_halves_only: bool) -> Result<Frame> {
-    let both = |a: &[Plane], b: &[Plane]| -> [Vec<Plane>; 2] { [a.to_vec(), b.to_vec()] };
-    let mean = |a: &[Plane], b: &[Plane], f: fn(f32, f32) -> f32| -> Vec<Plane> {
-        let one = |(a, b): (&Plane, &Plane)| {
-            Plane::from_fn(a.width(), a.height(), |x, y| f(a.get(x, y), b.get(x, y)))
-        };
-        a.iter().zip(b).map(one).collect()
-    };
-    let average = |a, b| mean(a, b, |a, b| 0.5 * (a + b));
-    // The variance of the mean of two independent means of one variance each.
-    let variance = |a: Option<&[Plane]>, b: Option<&[Plane]>, halves: &[Vec<Plane>; 2]| match (a, b) {
-        (Some(a), Some(b)) if !from_halves_only => mean(a, b, |a, b| 0.25 * (a + b)),
-        _ => halves[0].iter().zip(&halves[1]).map(|(a, b)| from_halves(a, b)).collect(),
-    };
-    if (a.width(), a.height()) != (b.width(), b.height()) {
-        return Err(Error::new(
-            ErrorKind::Lacking,
-            format!("is {}×{} where the first half is {}×{}", b.width(), b.height(), a.width(), a.height()),
-        )
-        .remedy("give two renders of the same frame with different seeds"));
-    }
-    let halves = both(a.color(), b.color());
-    let color_variance = variance(
-        a.color_var_of_mean().map(<[Plane; 3]>::as_slice),
-        b.color_var_of_mean().map(<[Plane; 3]>::as_slice),
-        &halves,
-    );
-    let [half_a, half_b] = halves;
-    let mut frame = Frame::new(rgb(average(a.color(), b.color()))?)?
-        .with_variance_of_mean(rgb(color_variance)?)?
-        .with_halves([rgb(half_a)?, rgb(half_b)?])?;
-    for feature in a.features() {
-        let twin =
-            |other: &&Feature| other.name == feature.name && other.planes.len() == feature.planes.len();
-        let merged = match b.features().iter().find(twin) {
-            None => feature.clone(),
-            Some(other) => {
-                let halves = both(&feature.planes, &other.planes);
-                let mut merged =
-                    Feature::new(&feature.name, feature.kind, average(&feature.planes, &other.planes));
-                let of = |feature: &Feature| feature.var_of_mean.clone();
-                merged.var_of_mean = Some(variance(of(feature).as_deref(), of(other).as_deref(), &halves));
-                merged.halves = Some(halves);
-                merged
-            }
-        };
-        frame = frame.with_feature(merged)?;
-    }
-    Ok(match (a.spp(), b.spp()) {
-        (Some(a), Some(b)) => frame.with_spp(a + b),
-        _ => frame,
-    })
 }

@@ -21,6 +21,26 @@ fn live() -> MutexGuard<'static, Vec<PathBuf>> {
     LIVE.lock().unwrap_or_else(PoisonError::into_inner) // a list of names cannot be left half-changed
 }
 
+/// A temporary file's name, known to [`abandon_temporaries`] and free again when this is dropped.
+struct Temporary(PathBuf);
+
+impl Temporary {
+    /// `.NAME.PROCESS.apr-tmp` beside the target.
+    fn beside(target: &Path) -> Self {
+        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let path = target.with_file_name(format!(".{name}.{}{ENDING}", std::process::id()));
+        live().push(path.clone());
+        Self(path)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let _ = fs::remove_file(&self.0); // after a rename it is not there
+        live().retain(|path| *path != self.0);
+    }
+}
+
 /// Writes `target` by `write`, which gets the temporary file; `target` keeps its old content until
 /// everything is written and on the disk.
 ///
@@ -32,19 +52,14 @@ pub(super) fn write_atomically(
     write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
 ) -> Result<()> {
     remove_strays(target);
-    let temporary = temporary_name(target);
-    live().push(temporary.clone());
-    let result = fill(&temporary, write).and_then(|file| {
+    let temporary = Temporary::beside(target);
+    let renamed = fill(&temporary.0, write).and_then(|file| {
         let names = live(); // from here on a signal must wait: the file is the result now
-        let renamed = fs::rename(&temporary, target);
+        let renamed = fs::rename(&temporary.0, target);
         drop((names, file));
         renamed.map_err(|error| cannot_write(&error))
     });
-    if result.is_err() {
-        let _ = fs::remove_file(&temporary); // the first error is the one to tell
-    }
-    live().retain(|name| *name != temporary);
-    result.map_err(|error| error.in_file(target))
+    renamed.map_err(|error| error.in_file(target))
 }
 
 /// Writes `bytes` as the file at `path`, which appears whole or not at all.
@@ -65,9 +80,9 @@ pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
         let what = "is a folder where a file was expected";
         return Err(Error::new(ErrorKind::Unwritable, what).remedy("name a file in it").in_file(target));
     }
-    let temporary = temporary_name(target);
-    let created = File::create(&temporary).and_then(|_| fs::remove_file(&temporary));
-    created.map_err(|error| cannot_write(&error).in_file(target))
+    let temporary = Temporary::beside(target);
+    let created = File::create(&temporary.0).map_err(|error| cannot_write(&error).in_file(target));
+    created.map(|_| ())
 }
 
 /// Removes the temporary files that this process is writing, and keeps it from renaming any: for a
@@ -88,12 +103,6 @@ fn fill(temporary: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()
     buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error))?;
     drop(buffered);
     Ok(file)
-}
-
-/// `.NAME.PROCESS.apr-tmp` beside the target.
-fn temporary_name(target: &Path) -> PathBuf {
-    let name = target.file_name().unwrap_or_default().to_string_lossy();
-    target.with_file_name(format!(".{name}.{}{ENDING}", std::process::id()))
 }
 
 /// Removes what killed runs for the same target left: temporary files that nobody holds locked.

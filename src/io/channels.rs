@@ -128,7 +128,7 @@ pub(super) enum Evidence {
     EqualsColorInXyz,
     /// Every vector has length 1 at most, and most have 1 (or 0, where there is no surface).
     UnitVectors,
-    /// Between 0 and 1.
+    /// Between 0 and 1, but for a few.
     UnitRange,
 }
 
@@ -224,7 +224,6 @@ pub(super) const LAYERS: &[LayerRow] = &[
     named(Renderer::Plain, "",               RGB,    COLOR),
     named(Renderer::Plain, "rgba",           RGB,    COLOR),
     named(Renderer::Plain, "beauty",         RGB,    COLOR),
-    named(Renderer::Plain, "*.Combined",     RGB,    COLOR),
     named(Renderer::Plain, "albedo#",        RGB,    ALBEDO),
     named(Renderer::Plain, "diffuse_albedo", RGB,    ALBEDO),
     named(Renderer::Plain, "texture",        RGB,    ALBEDO),
@@ -359,7 +358,7 @@ pub(super) const COMPANIONS: &[CompanionRow] = &[
 pub(super) const MARKS: &[(Renderer, Mark)] = &[
     (Renderer::Cycles,    Mark::Attribute("cycles.")),
     (Renderer::Cycles,    Mark::Attribute("BlenderMultiChannel")),
-    (Renderer::Cycles,    Mark::Layer("*.Noisy Image")),
+    (Renderer::Cycles,    Mark::Layer("*.Combined")),
     (Renderer::Mitsuba,   Mark::Text("generatedBy", "Mitsuba")),
     (Renderer::Arnold,    Mark::Attribute("arnold/")),
     (Renderer::VRay,      Mark::Attribute("vrayInfo/")),

@@ -47,8 +47,13 @@ impl Layer {
 }
 
 /// All layers of `documents`, in the files' order. With `one_file_per_buffer` the bare channels of a
-/// file form a layer of the file's name, less what all names have in common with the first.
-pub(super) fn gather(documents: &[Document], one_file_per_buffer: Option<Renderer>) -> Vec<Layer> {
+/// file form a layer of the file's name, less what all names have in common with the first. The
+/// channels of the first file's `main_part` belong to the picture, whatever the part is called.
+pub(super) fn gather(
+    documents: &[Document],
+    one_file_per_buffer: Option<Renderer>,
+    main_part: Option<usize>,
+) -> Vec<Layer> {
     let mut layers: Vec<Layer> = Vec::new();
     let prefix = one_file_per_buffer.map(|renderer| buffer_prefix(&stem(&documents[0]), renderer));
     for (file, document) in documents.iter().enumerate() {
@@ -59,7 +64,10 @@ pub(super) fn gather(documents: &[Document], one_file_per_buffer: Option<Rendere
         };
         for (part, header) in document.headers().iter().enumerate() {
             let view = header.own_attributes.view_name.as_ref().map(ToString::to_string);
-            let part_layer = part_layer(document.headers().len(), header, view.as_deref());
+            let part_layer = match (file, Some(part)) == (0, main_part) {
+                true => String::new(),
+                false => part_layer(document.headers().len(), header, view.as_deref()),
+            };
             for (channel, description) in header.channels.list.iter().enumerate() {
                 let (layer, component) = split_name(&description.name.to_string());
                 let mut name = join(&part_layer, &layer);
@@ -79,6 +87,14 @@ pub(super) fn gather(documents: &[Document], one_file_per_buffer: Option<Rendere
         }
     }
     layers
+}
+
+/// The first part that has channels R, G and B without a layer.
+pub(super) fn first_with_rgb(document: &Document) -> Option<usize> {
+    document.headers().iter().position(|header| {
+        let has = |name: &str| header.channels.list.iter().any(|channel| channel.name == *name);
+        has("R") && has("G") && has("B")
+    })
 }
 
 /// The file's name without folder and ending.

@@ -6,16 +6,17 @@
 
 mod assemble;
 mod atomic;
+mod bounds;
 mod channels;
 mod decode;
 mod document;
 mod encode;
 mod evidence;
+mod halves;
 mod layers;
 mod layout;
 mod limits;
 mod mapping;
-mod misses;
 mod own;
 mod picture;
 mod rewrite;

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use exr::meta::attribute::{AttributeValue, IntegerBounds};
 use exr::meta::header::Header;
 
-use super::assemble::{Given, Planes, Remarks, assemble, merge_halves};
+use super::assemble::{Given, Planes, Remarks, assemble};
 use super::channels::{COUNTS, CountAs, MARKS, Mark, Renderer, Statistic, VarianceKind, match_layer};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
-use super::layers::{Channel, Layer, buffer_prefix, gather};
+use super::halves::merge_halves;
+use super::layers::{Channel, Layer, buffer_prefix, first_with_rgb, gather};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, find, target};
 use super::rewrite::{Addition, Replacement, rewrite};
@@ -99,7 +100,7 @@ impl Picture {
     fn read_one(path: &Path, options: &ReadOptions) -> Result<Self> {
         let documents = open_all(path, options)?;
         let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
-        let layers = gather(&documents, one_file_per_buffer);
+        let layers = layers(&documents, one_file_per_buffer);
         let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
         let mapped = mapped_choices(options, &documents, &layers)?;
         let casting = Casting { layers: &layers, renderer, mapped: &mapped };
@@ -142,6 +143,18 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
         }
     }
     Ok(documents)
+}
+
+/// All layers. Where none has a name that a colour may have, the first part with R, G and B is the
+/// picture's own, whatever it is called.
+fn layers(documents: &[Document], one_file_per_buffer: Option<Renderer>) -> Vec<Layer> {
+    let named = gather(documents, one_file_per_buffer, None);
+    let renderer = one_file_per_buffer.unwrap_or_else(|| detect(&documents[0], &named));
+    let found = Casting { layers: &named, renderer, mapped: &[] }.color().is_some();
+    match first_with_rgb(&documents[0]).filter(|_| !found) {
+        Some(part) => gather(documents, one_file_per_buffer, Some(part)),
+        None => named,
+    }
 }
 
 /// Who wrote the file, by the marks of the channel map.
@@ -279,7 +292,7 @@ pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
     let path = path.as_ref();
     let read = || {
         let documents = [Document::open(path)?];
-        let layers = gather(&documents, None);
+        let layers = layers(&documents, None);
         let renderer = detect(&documents[0], &layers);
         let casting = Casting { layers: &layers, renderer, mapped: &[] };
         let color = casting.color().ok_or_else(|| no_color(&layers))?;

@@ -1,0 +1,172 @@
+//! Truncated, damaged and hostile files: an error, soon, and in little memory.
+
+mod exr_files;
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use apr::ErrorKind;
+use apr::io::{Picture, ReadOptions};
+use apr::{Denoised, Summary};
+use exr::prelude::{Blocks, Compression, Encoding, IntegerBounds, LineOrder, Vec2};
+use exr_files::*;
+use proptest::prelude::*;
+
+/// Small files of every codec, scan lines and tiles, one part and two.
+fn samples() -> &'static [Vec<u8>] {
+    static SAMPLES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
+    SAMPLES.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sample.exr");
+        let size = (19, 37);
+        let codecs = [
+            Compression::Uncompressed,
+            Compression::RLE,
+            Compression::ZIP1,
+            Compression::ZIP16,
+            Compression::PIZ,
+            Compression::PXR24,
+            Compression::B44,
+            Compression::B44A,
+            Compression::DWAA(None),
+            Compression::DWAB(None),
+        ];
+        let tiled = |compression| Encoding {
+            compression,
+            blocks: Blocks::Tiles(Vec2(8, 8)),
+            line_order: LineOrder::Increasing,
+        };
+        let encodings = codecs.into_iter().flat_map(|codec| [scan_lines(codec), tiled(codec)]);
+        let bytes = |encoding: Encoding, parts: usize| {
+            let part = |i: usize| {
+                let names = ["R", "G", "B", "depth.Z"];
+                let mut channels = channels(size, &names);
+                channels.push(half("half.R", &values(size.0 * size.1, 8)));
+                layer(Some(&format!("part{i}")), size, (-3, 4), encoding, channels)
+            };
+            write(&path, IntegerBounds::from_dimensions(size), (0..parts).map(part).collect());
+            std::fs::read(&path).unwrap()
+        };
+        encodings
+            .map(|encoding| bytes(encoding, 1 + usize::from(encoding.blocks == Blocks::ScanLines)))
+            .collect()
+    })
+}
+
+/// Reads `bytes` as a file, and writes it again if it can be read: whatever comes, no panic.
+fn survive(bytes: &[u8]) -> apr::Result<()> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged.exr");
+    std::fs::write(&path, bytes).unwrap();
+    let picture = Picture::read(&path, &ReadOptions::default())?;
+    let frame = picture.frame();
+    let color = frame.color().clone();
+    let (mse, order) = (color[0].clone(), color[1].clone());
+    let denoised = Denoised { color, aovs: vec![], mse, order, summary: Summary::default() };
+    picture.write(folder.path().join("out.exr"), &denoised, true)?;
+    Ok(())
+}
+
+#[test]
+fn the_samples_themselves_are_fine() {
+    samples().iter().for_each(|bytes| survive(bytes).unwrap());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_truncated_file_is_an_error(sample in 0..20_usize, share in 0.0..1.0_f64) {
+        let bytes = &samples()[sample];
+        let kept = (bytes.len() as f64 * share) as usize;
+        let error = survive(&bytes[..kept]).expect_err("something is missing");
+        prop_assert_eq!(error.kind(), ErrorKind::Unreadable);
+    }
+
+    #[test]
+    fn flipped_bits_never_panic(
+        sample in 0..20_usize,
+        flips in prop::collection::vec((0.0..1.0_f64, 0..8_u32), 1..6),
+        in_header in any::<bool>(),
+    ) {
+        let mut bytes = samples()[sample].clone();
+        let range = if in_header { bytes.len().min(900) } else { bytes.len() };
+        for (place, bit) in flips {
+            bytes[(range as f64 * place) as usize] ^= 1 << bit;
+        }
+        if let Err(error) = survive(&bytes) {
+            let kinds = [ErrorKind::Unreadable, ErrorKind::Lacking];
+            prop_assert!(kinds.contains(&error.kind()), "{}", error);
+        }
+    }
+
+    #[test]
+    fn any_bytes_after_the_magic_number_are_an_error(bytes in prop::collection::vec(any::<u8>(), 0..400)) {
+        let file: Vec<u8> = [0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0].into_iter().chain(bytes).collect();
+        prop_assert_eq!(survive(&file).unwrap_err().kind(), ErrorKind::Unreadable);
+    }
+}
+
+/// Replaces the value of the attribute `name` in a file's header.
+fn patched(bytes: &[u8], name: &str, offset: usize, value: &[u8]) -> Vec<u8> {
+    let start = bytes.windows(name.len()).position(|window| window == name.as_bytes()).unwrap();
+    let mut zeros = bytes[start..].iter().enumerate().filter(|(_, byte)| **byte == 0).map(|(i, _)| start + i);
+    let (_, end_of_type) = (zeros.next().unwrap(), zeros.next().unwrap());
+    let value_start = end_of_type + 1 + 4 + offset; // after the type come four bytes of length
+    let mut bytes = bytes.to_vec();
+    bytes[value_start..value_start + value.len()].copy_from_slice(value);
+    bytes
+}
+
+/// A window from the origin to this last pixel.
+fn window(right: i32, bottom: i32) -> Vec<u8> {
+    [0, 0, right, bottom].iter().flat_map(|v: &i32| v.to_le_bytes()).collect()
+}
+
+/// Headers that claim far more than the file holds.
+fn hostile() -> Vec<(&'static str, Vec<u8>)> {
+    let zip = &samples()[6];
+    let piz = &samples()[8];
+    let tiled = &samples()[7];
+    vec![
+        ("a window of 2^60 pixels", patched(zip, "dataWindow", 0, &window(i32::MAX / 4, i32::MAX / 4))),
+        ("a window of 2^62 pixels", patched(zip, "dataWindow", 0, &window(i32::MAX, i32::MAX))),
+        ("a gigapixel in a few bytes", patched(zip, "dataWindow", 0, &window(16_000, 16_000))),
+        ("one line of a gigapixel", patched(zip, "dataWindow", 0, &window(1 << 28, 0))),
+        ("a column of a gigapixel", patched(piz, "dataWindow", 0, &window(0, 1 << 28))),
+        ("a window that ends before it begins", patched(zip, "dataWindow", 0, &window(-7, -7))),
+        ("tiles of 2^62 pixels", patched(tiled, "tiles", 0, &[255, 255, 255, 127, 255, 255, 255, 127])),
+        ("tiles of no pixels", patched(tiled, "tiles", 0, &[0; 8])),
+    ]
+}
+
+#[test]
+fn hostile_headers_are_refused() {
+    for (what, bytes) in hostile() {
+        let error = survive(&bytes).expect_err(what);
+        assert_eq!(error.kind(), ErrorKind::Unreadable, "{what}: {error}");
+    }
+}
+
+/// The program itself, with no more than half a gigabyte of address space.
+#[test]
+#[cfg(target_os = "linux")]
+fn hostile_headers_are_refused_in_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("hostile.exr");
+    for (what, bytes) in hostile() {
+        std::fs::write(&path, bytes).unwrap();
+        let output = limited(&path);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{what}: {said}");
+    }
+    std::fs::write(&path, &samples()[6]).unwrap();
+    assert_eq!(limited(&path).status.code(), Some(0), "the limit itself is no obstacle");
+}
+
+#[cfg(target_os = "linux")]
+fn limited(path: &Path) -> std::process::Output {
+    let script = "ulimit -v 524288; exec \"$0\" --threads 1 --inspect \"$1\"";
+    let program = env!("CARGO_BIN_EXE_apr-denoise");
+    std::process::Command::new("sh").args(["-c", script, program]).arg(path).output().unwrap()
+}

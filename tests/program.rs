@@ -1,0 +1,233 @@
+//! The program: exit codes, messages, reports.
+
+#![expect(clippy::print_stderr, reason = "a skipped test says so")]
+
+mod exr_files;
+
+use std::path::{Path, PathBuf};
+
+use assert_cmd::Command;
+use exr::prelude::{AttributeValue, Compression, Encoding, Text};
+use exr_files::{channels, layer, scan_lines, values, write_one};
+use serde_json::Value;
+
+const SIZE: (usize, usize) = (24, 18);
+
+fn program() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_apr-denoise"))
+}
+
+/// A render with variance and a feature, in a folder of its own.
+fn render(folder: &Path) -> PathBuf {
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B", "albedo.R", "albedo.G", "albedo.B"];
+    let mut layer = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names));
+    layer.attributes.other.insert(Text::from("samplesPerPixel"), AttributeValue::I32(16));
+    let path = folder.join("a render.exr");
+    write_one(&path, layer);
+    path
+}
+
+/// Runs the program and returns its exit code, answers and complaints.
+fn run(command: &mut Command) -> (i32, String, String) {
+    let output = command.output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+}
+
+#[test]
+fn a_run_answers_with_progress_and_writes_a_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output, report) =
+        (render(folder.path()), folder.path().join("out.exr"), folder.path().join("r.json"));
+    let (code, said, complaints) =
+        run(program().args([&input, &output]).args(["--aux", "--report"]).arg(&report));
+    assert_eq!((code, complaints.as_str()), (0, ""));
+    let percent: Vec<u32> =
+        said.lines().filter_map(|line| line.strip_prefix("progress ")).map(|n| n.parse().unwrap()).collect();
+    assert!(percent.is_sorted() && percent.last() == Some(&100), "{said}");
+    assert!(said.lines().last().unwrap().contains("estimated relative error"), "{said}");
+
+    let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    assert_eq!(report["layout"]["roles"][1]["statistic"], "variance of the mean");
+    assert_eq!(report["layout"]["samples_per_pixel"], 16.0);
+    assert!(report["layout"]["missing"].as_array().unwrap().contains(&"normal".into()));
+    let stages = report["stages"].as_array().unwrap();
+    let named = |name: &str| stages.iter().find(|stage| stage["stage"] == name).unwrap();
+    assert!(named("read")["seconds"].as_f64().unwrap() > 0.0);
+    assert!(named("sanitize")["peak_memory_bytes"].is_u64() || !cfg!(target_os = "linux"));
+    named("write");
+    // The report's error before is the mean of the variances that were written.
+    let count = SIZE.0 * SIZE.1;
+    let sum: f64 = (3..6).flat_map(|salt| values(count, salt)).map(f64::from).sum();
+    let before = report["estimated_error"]["mse_before"].as_f64().unwrap();
+    assert!((before - sum / (3 * count) as f64).abs() < 1e-6, "{before}");
+    let names = exr_files::read_all(&output).layer_data[0]
+        .channel_data
+        .list
+        .iter()
+        .map(|c| c.name.to_string())
+        .collect::<Vec<_>>();
+    assert!(names.contains(&"apr.mse.Y".to_owned()) && names.contains(&"apr.order.Y".to_owned()));
+}
+
+#[test]
+fn quiet_means_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("bare.exr"); // lacks a variance, which is worth a warning
+    write_one(
+        &input,
+        layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), channels(SIZE, &["R", "G", "B"])),
+    );
+    let output = folder.path().join("out.exr");
+    let (code, said, complaints) = run(program().args([&input, &output]));
+    assert_eq!(code, 0);
+    assert!(said.contains("progress 100") && complaints.contains("warning: no variance"), "{complaints}");
+    let silent = run(program().args([&input, &output]).arg("--quiet"));
+    assert_eq!(silent, (0, String::new(), String::new()));
+}
+
+#[test]
+fn inspection_tells_roles_and_ranges_and_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = render(folder.path());
+    let (code, text, _) = run(program().arg("--inspect").arg(&input));
+    assert_eq!(code, 0);
+    assert!(text.contains("variance of the mean") && text.contains("albedo.R, albedo.G, albedo.B"), "{text}");
+    assert!(text.contains("done without: halves, normal, position, depth, visibility"), "{text}");
+    let (_, json, _) = run(program().args(["--inspect", "--json"]).arg(&input));
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["size"], serde_json::json!([SIZE.0, SIZE.1]));
+    let green = values(SIZE.0 * SIZE.1, 1);
+    let color = &json["layout"]["roles"][0];
+    let least = [0, 1, 2].into_iter().flat_map(|salt| values(green.len(), salt)).fold(f32::MAX, f32::min);
+    assert_eq!(color["min"].as_f64().unwrap() as f32, least);
+    assert!(json["options"].is_object());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+#[test]
+fn the_same_bits_for_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = render(folder.path());
+    let outputs = ["1", "2", "8"].map(|threads| {
+        let output = folder.path().join(format!("{threads}.exr"));
+        program().args([&input, &output]).args(["--quiet", "--threads", threads]).assert().success();
+        std::fs::read(output).unwrap()
+    });
+    assert!(outputs[0] == outputs[1] && outputs[1] == outputs[2], "the files differ");
+}
+
+#[test]
+fn every_failure_has_its_exit_code_and_names_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = render(folder.path()).into_os_string().into_string().unwrap();
+    let in_folder = |name: &str| folder.path().join(name).into_os_string().into_string().unwrap();
+    let (out, no_color, text) = (in_folder("out.exr"), in_folder("no color.exr"), in_folder("text.exr"));
+    let depth_only = layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), channels(SIZE, &["depth.Z"]));
+    write_one(Path::new(&no_color), depth_only);
+    std::fs::write(&text, "no picture").unwrap();
+    let (missing, nowhere) = (in_folder("missing.exr"), in_folder("no/such/folder/out.exr"));
+    let here = folder.path().to_str().unwrap();
+    let cases: [(i32, &[&str], &[&str]); 16] = [
+        (2, &[], &["required"]),
+        (2, &[&input], &["OUTPUT"]),
+        (2, &[&input, &out, "--spp", "0"], &["above 0"]),
+        (2, &[&input, &out, "--threads", "0"], &["--threads"]),
+        (2, &[&input, &out, "--profile", "povray"], &["mitsuba", "tungsten"]),
+        (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
+        (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),
+        (2, &[&input, &out, "--set", "no_such_option=1"], &["no_such_option", "the options are"]),
+        (2, &[&input, &out, "--json"], &["--inspect"]),
+        (3, &[&missing, &out], &["missing.exr", "check the name"]),
+        (3, &[&text, &out], &["text.exr", "no OpenEXR file"]),
+        (3, &[here, &out], &["cannot be read"]),
+        (4, &[&no_color, &out], &["no color.exr", "no colour", "--map color=LAYER"]),
+        (4, &[&input, &out, "--map", "albedo=x.R"], &["'x.R'", "--inspect"]),
+        (5, &[&input, &nowhere], &["out.exr: cannot be written", "folder exists"]),
+        (5, &[&input, here], &["is a folder"]),
+    ];
+    for (expected, arguments, words) in cases {
+        let (code, _, complaint) = run(program().args(arguments));
+        assert_eq!(code, expected, "{arguments:?}: {complaint}");
+        for word in words {
+            assert!(complaint.contains(word), "{arguments:?}: {complaint} lacks '{word}'");
+        }
+        assert!(!Path::new(&out).exists(), "a failed run wrote something");
+    }
+}
+
+#[test]
+fn options_come_from_files_and_settings_under_any_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (render(folder.path()), folder.path().join("out.exr"));
+    let file = folder.path().join("options.json");
+    std::fs::write(&file, serde_json::to_string(&apr::Options::default()).unwrap()).unwrap();
+    program().args([&input, &output]).arg("--options").arg(&file).assert().success();
+    std::fs::write(&file, "{\"no such option\": 1}").unwrap();
+    let (code, _, complaint) = run(program().args([&input, &output]).arg("--options").arg(&file));
+    assert_eq!(code, 2);
+    assert!(complaint.contains("options.json") && complaint.contains("no such option"), "{complaint}");
+    std::fs::write(&file, "[1, 2").unwrap();
+    assert_eq!(run(program().args([&input, &output]).arg("--options").arg(&file)).0, 2);
+    assert_eq!(run(program().args([&input, &output]).arg("--options").arg(folder.path())).0, 3);
+}
+
+#[test]
+fn help_states_the_exit_codes() {
+    let (code, help, _) = run(program().arg("--help"));
+    assert_eq!(code, 0);
+    for line in [
+        "0    done",
+        "2    usage",
+        "3    an input",
+        "4    the input lacks",
+        "5    the result",
+        "70   a defect",
+    ] {
+        assert!(help.contains(line), "{help}");
+    }
+}
+
+/// A read-only folder takes no result, and the old one in it stays. (Root may write anywhere.)
+#[test]
+#[cfg(unix)]
+fn a_read_only_folder_is_told_before_the_work() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let closed = folder.path().join("closed");
+    std::fs::create_dir(&closed).unwrap();
+    std::fs::set_permissions(&closed, std::fs::Permissions::from_mode(0o555)).unwrap();
+    if std::fs::write(closed.join("probe"), "").is_ok() {
+        eprintln!("SKIPPED: this user may write to read-only folders");
+        return;
+    }
+    let (code, _, complaint) = run(program().args([render(folder.path()), closed.join("out.exr")]));
+    assert_eq!(code, 5, "{complaint}");
+}
+
+/// /dev/full takes nothing: the disk is full.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = render(folder.path());
+    let script = "\"$0\" --inspect \"$1\" > /dev/full";
+    let program = env!("CARGO_BIN_EXE_apr-denoise");
+    let output = std::process::Command::new("sh").args(["-c", script, program]).arg(&input).output().unwrap();
+    assert_eq!(output.status.code(), Some(5));
+}
+
+/// Tiled, half, with spaces: nothing in the encoding keeps a file from going through twice.
+#[test]
+fn a_result_can_be_denoised_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("again.exr");
+    let encoding = Encoding { compression: Compression::PIZ, ..Encoding::FAST_LOSSLESS };
+    write_one(
+        &path,
+        layer(None, SIZE, (-4, 9), encoding, channels(SIZE, &["R", "G", "B", "A", "N.X", "N.Y", "N.Z"])),
+    );
+    for _ in 0..2 {
+        program().args([&path, &path]).args(["--quiet", "--aux"]).assert().success();
+    }
+}

@@ -1,0 +1,85 @@
+//! Runs that are stopped at any moment: the old result or the new one is there, and nothing else.
+#![cfg(unix)]
+
+mod exr_files;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+use exr::prelude::Compression;
+use exr_files::{channels, layer, scan_lines, write_one};
+
+fn start(input: &Path, output: &Path) -> Child {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    command.args([input, output]).arg("--quiet").stderr(Stdio::piped()).spawn().unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap();
+    let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+fn send(signal: &str, child: &Child) {
+    Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+}
+
+/// A picture whose writing takes a while, for it compresses badly.
+fn render(path: &Path) {
+    let size = (96, 64);
+    let names: Vec<String> = (0..40).map(|i| format!("other{i}.Y")).collect();
+    let all: Vec<&str> = ["R", "G", "B"].into_iter().chain(names.iter().map(String::as_str)).collect();
+    write_one(path, layer(None, size, (0, 0), scan_lines(Compression::PIZ), channels(size, &all)));
+}
+
+#[test]
+fn killed_at_random_moments_it_never_leaves_a_broken_result() {
+    const KILLS: u64 = 50;
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("in.exr"), folder.path().join("out.exr"));
+    render(&input);
+    let begun = std::time::Instant::now();
+    assert!(start(&input, &output).wait().unwrap().success());
+    let whole_run = begun.elapsed();
+    let new = std::fs::read(&output).unwrap();
+    let old = b"the old result".to_vec();
+    for kill in 0..KILLS {
+        std::fs::write(&output, &old).unwrap();
+        let mut child = start(&input, &output);
+        std::thread::sleep(whole_run.mul_f64(kill as f64 / KILLS as f64));
+        let signal = if kill % 2 == 0 { "-KILL" } else { "-TERM" };
+        send(signal, &child);
+        child.wait().unwrap();
+        let left = std::fs::read(&output).unwrap();
+        assert!(left == old || left == new, "kill {kill} left {} bytes", left.len());
+        if signal == "-TERM" {
+            assert_no_strays_but_of_killed(folder.path(), child.id());
+        }
+    }
+    assert!(start(&input, &output).wait().unwrap().success());
+    assert_eq!(std::fs::read(&output).unwrap(), new);
+    assert_eq!(names(folder.path()), ["in.exr", "out.exr"], "the next run clears up");
+}
+
+/// A process that was told to stop has removed what it wrote.
+fn assert_no_strays_but_of_killed(folder: &Path, id: u32) {
+    let own = names(folder).into_iter().find(|name| name.contains(&format!(".{id}.")));
+    assert_eq!(own, None);
+}
+
+/// A pipe that nobody writes to keeps the program waiting for its input.
+#[test]
+fn told_to_stop_it_ends_with_the_signals_exit_code() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("pipe"), folder.path().join("out.exr"));
+    assert!(Command::new("mkfifo").arg(&input).status().unwrap().success());
+    for (signal, code) in [("-TERM", 143), ("-INT", 130)] {
+        let mut child = start(&input, &output);
+        let pipe = std::fs::OpenOptions::new().write(true).open(&input).unwrap(); // waits for the reader
+        send(signal, &child);
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{signal}");
+        drop(pipe);
+    }
+    assert_eq!(names(folder.path()), ["pipe"]);
+}
