@@ -9,7 +9,7 @@ pub type Vec3 = Vector3<f32>;
 /// rounding of a hit point by two orders of magnitude, and far below any modelled detail.
 const RAY_OFFSET: f32 = 9e-5;
 /// Share of the distance by which a shadow ray stops short of its light.
-pub const SHADOW_SHORTENING: f32 = 1e-3;
+const SHADOW_SHORTENING: f32 = 1e-3;
 
 /// A ray; the direction has unit length in world space, any length inside an instance.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +34,20 @@ impl Ray {
         let magnitude = (1.0 + point.amax()) * RAY_OFFSET;
         let offset = if direction.dot(&normal) < 0.0 { -magnitude } else { magnitude };
         Self { origin: point + normal * offset, direction, time }
+    }
+}
+
+impl Ray {
+    /// The ray from its start, which was moved off the surface at `from`, to what was seen from there at
+    /// `distance`, and where it stops short of it. Without aiming again, a ray that grazes a light would
+    /// meet the light's own near side.
+    pub fn aimed(self, from: Vec3, distance: f32) -> (Self, f32) {
+        if distance == f32::INFINITY {
+            return (self, distance);
+        }
+        let way = from + self.direction * distance - self.origin;
+        let length = way.norm();
+        (Self { direction: way / length, ..self }, length * (1.0 - SHADOW_SHORTENING))
     }
 }
 

@@ -2,7 +2,7 @@
 //! Russian roulette, compiled for a set of effects.
 
 use super::bsdf::{Bsdf, Scatter, diffuse_eval, diffuse_sample};
-use super::math::{Basis, Ray, SHADOW_SHORTENING, Vec3};
+use super::math::{Basis, Ray, Vec3};
 use super::medium::Medium;
 use super::plan::effect;
 use super::sample::{FeatureMode, Sample};
@@ -232,7 +232,7 @@ impl<const E: u32> Integrator<'_, E> {
                     Some(surface) => Ray::leaving(point, surface.normal, light.direction, path.ray.time),
                     None => Ray { origin: point, direction: light.direction, time: path.ray.time },
                 };
-                let end = light.distance * (1.0 - SHADOW_SHORTENING);
+                let (ray, end) = ray.aimed(point, light.distance);
                 if !self.scene.world.occluded::<E>(&ray, end) {
                     reached = true;
                     let density = light.pdf * probability;

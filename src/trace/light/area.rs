@@ -4,7 +4,7 @@ use std::f32::consts::{PI, TAU};
 
 use super::{Extent, LightSample};
 use crate::trace::math::{Aabb, Basis, Vec3, luminance};
-use crate::trace::sampling::{Distribution, concentric_disk, direction, triangle};
+use crate::trace::sampling::{Distribution, concentric_disk, triangle};
 use crate::trace::shape::{Disk, Sphere};
 use crate::trace::world::Triangle;
 
@@ -82,8 +82,9 @@ impl Emitter {
     fn sample_cone(&self, sphere: &Sphere, from: Vec3, u: [f32; 2]) -> Option<LightSample> {
         let cone = cone(sphere, from)?;
         let drop = u[0] * cone.height; // 1 − cos θ
-        let local = direction(1.0 - drop, TAU * u[1]);
-        let sin2 = drop * (2.0 - drop);
+        let sin2 = drop * (2.0 - drop); // from the drop: 1 − cos² would lose a small angle's digits
+        let (sin_phi, cos_phi) = (TAU * u[1]).sin_cos();
+        let local = Vec3::new(sin2.sqrt() * cos_phi, sin2.sqrt() * sin_phi, 1.0 - drop);
         let chord = (sphere.radius * sphere.radius - cone.distance * cone.distance * sin2).max(0.0).sqrt();
         Some(LightSample {
             direction: Basis::around(cone.axis).to_world(local),
