@@ -114,6 +114,14 @@ def blocks(values):
     return cut.sum(axis=(1, 3))
 
 
+def around(variance):
+    """Mean over 3 × 3 pixels. A pixel that happened to miss the rare bright sample has hardly any variance
+    of its own (Mitsuba chooses among a hundred lamps evenly): its neighbours know better."""
+    padded = np.pad(variance, ((1, 1), (1, 1), (0, 0)), mode="edge")
+    height, width = variance.shape[:2]
+    return sum(padded[y:y + height, x:x + width] for y in range(3) for x in range(3)) / 9
+
+
 def z_scores(difference, variance, floor):
     return np.abs(difference) / np.sqrt(variance + floor ** 2)
 
@@ -122,7 +130,7 @@ def test(own, other, rounding):
     """Largest |z| and its bound for pixels, blocks and the whole, and the map of z."""
     difference, variance = own[0] - other[0], own[1] + other[1]
     scale = max(np.abs(other[0]).max(), 1e-6) * rounding
-    pixels = z_scores(difference, variance, scale)
+    pixels = z_scores(difference, np.maximum(variance, around(variance)), scale)
     area = BLOCK * BLOCK
     block = z_scores(blocks(difference), blocks(variance), scale * area)
     whole = z_scores(difference.sum((0, 1)), variance.sum((0, 1)), scale * difference[..., 0].size)
