@@ -470,3 +470,42 @@ fn what_is_lacking_or_senseless_is_told_with_a_remedy() {
     assert!(error(&["R", "G", "B"], &map("gloss=R")).starts_with("2 "));
     assert!(error(&["R", "G", "B"], &map("color=R,G")).starts_with("4 "));
 }
+
+#[test]
+fn of_two_eyes_one_is_denoised_with_its_own_features_and_the_other_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stereo.exr");
+    let part = |name: &str, view: &str, names: &[&str]| {
+        let mut part = layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names));
+        part.attributes.view_name = Some(Text::from(view));
+        part
+    };
+    let parts = vec![
+        part("depth_left", "left", &["Z"]),
+        part("rgba_right", "right", &["R", "G", "B"]),
+        part("rgba_left", "left", &["R", "G", "B"]),
+        part("depth.right", "right", &["A", "Z"]),
+    ];
+    exr_files::write(&path, IntegerBounds::from_dimensions(SIZE), parts);
+    let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
+    let depth = &picture.frame().features()[0].planes[0];
+    assert_eq!(depth.data(), values(SIZE.0 * SIZE.1, 1), "the right eye's depth");
+    let note = "'left' could be the colour as well and passes through; choose it by --map color=…";
+    assert_eq!(picture.layout().notes, [note]);
+    let left = ReadOptions {
+        map: vec!["color=rgba_left.R,rgba_left.G,rgba_left.B".parse().unwrap()],
+        ..ReadOptions::default()
+    };
+    let picture = Picture::read(&path, &left).unwrap();
+    assert_eq!(picture.frame().features()[0].planes[0].data(), values(SIZE.0 * SIZE.1, 0));
+}
+
+#[test]
+fn thousands_of_channels_are_sorted_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let names: Vec<String> = (0..5000).map(|i| format!("layer{i}.Y")).collect();
+    let mut all: Vec<&str> = names.iter().map(String::as_str).collect();
+    all.extend(["R", "G", "B", "visibility.Y"]);
+    let picture = picture(folder.path(), &all, &[], &ReadOptions::default());
+    assert_eq!(roles(&picture), ["color mean: R", "visibility mean: visibility.Y"]);
+}

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-use super::assemble::Remarks;
 use super::channels::{Renderer, Role, Statistic, VarianceKind};
 use super::document::Document;
 use super::roles::Choice;
@@ -63,7 +62,7 @@ pub struct PartLayout {
 pub struct RoleLayout {
     /// The role, under the names that `--map` takes.
     pub role: String,
-    /// What the numbers are: `mean`, the kind of variance, `half-a` or `half-b`.
+    /// What the numbers are: the mean, a half, or which kind of variance.
     pub statistic: String,
     /// The channels, in the components' order.
     pub channels: Vec<String>,
@@ -92,11 +91,9 @@ impl Default for Layout {
 }
 
 impl Layout {
-    /// Adds what the frame lacks and what is to be remarked.
-    pub(super) fn tell(&mut self, frame: &Frame, remarks: Remarks) {
+    /// Adds what `frame`, which came of it all, has and lacks.
+    pub(super) fn complete(&mut self, frame: &Frame) {
         self.samples_per_pixel = frame.spp();
-        self.notes = remarks.notes;
-        self.warnings = remarks.warnings;
         if frame.color_var_of_mean().is_none() {
             self.missing.push("variance".to_owned());
             self.warnings.push(

@@ -65,8 +65,8 @@ impl Picture {
             picture.frame = merge_halves(&picture.frame, &other.frame, halves_only)
                 .map_err(|error| error.in_file(half))?;
             picture.layout.half = Some(half.display().to_string());
-            picture.layout.samples_per_pixel = picture.frame.spp();
         }
+        picture.layout.complete(&picture.frame);
         Ok(picture)
     }
 
@@ -103,7 +103,7 @@ impl Picture {
         let layers = layers(&documents, one_file_per_buffer);
         let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
         let mapped = mapped_choices(options, &documents, &layers)?;
-        let casting = Casting { layers: &layers, renderer, mapped: &mapped };
+        let casting = Casting::new(&layers, renderer, &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
         let candidates = casting.candidates(&color);
@@ -111,19 +111,22 @@ impl Picture {
         let window = documents[0].headers()[color.mean.channels[0].at.part].data_window();
         let planes = read_all(&documents, &color, &candidates, window)?;
         let cast = settle(&color, &candidates, |channel| &planes[&channel]);
-        let mut layout = Layout {
-            files: documents.iter().map(FileLayout::of).collect(),
-            renderer,
-            forced: options.profile.is_some(),
-            ..Layout::default()
-        };
-        layout.roles = cast.choices.iter().map(|choice| describe(choice, &documents, &planes)).collect();
+        let roles = cast.choices.iter().map(|choice| describe(choice, &documents, &planes)).collect();
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
         note_windows(&documents, &cast.choices, window, &mut remarks);
+        note_other_colors(&casting.other_colors(&color), &mut remarks);
         let header = &documents[0].headers()[color.mean.channels[0].at.part];
         let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
         let frame = assemble(&cast.choices, Planes::new(planes, &cast.choices), given, &mut remarks)?;
-        layout.tell(&frame, remarks);
+        let layout = Layout {
+            files: documents.iter().map(FileLayout::of).collect(),
+            renderer,
+            forced: options.profile.is_some(),
+            roles,
+            notes: remarks.notes,
+            warnings: remarks.warnings,
+            ..Layout::default()
+        };
         let beauty = beauty.into_iter().map(|channel| channel.at).collect();
         Ok(Self { documents, beauty, frame, layout })
     }
@@ -150,7 +153,7 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
 fn layers(documents: &[Document], one_file_per_buffer: Option<Renderer>) -> Vec<Layer> {
     let named = gather(documents, one_file_per_buffer, None);
     let renderer = one_file_per_buffer.unwrap_or_else(|| detect(&documents[0], &named));
-    let found = Casting { layers: &named, renderer, mapped: &[] }.color().is_some();
+    let found = Casting::new(&named, renderer, &[]).color().is_some();
     match first_with_rgb(&documents[0]).filter(|_| !found) {
         Some(part) => gather(documents, one_file_per_buffer, Some(part)),
         None => named,
@@ -284,6 +287,15 @@ fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBound
     }
 }
 
+fn note_other_colors(others: &[String], remarks: &mut Remarks) {
+    if !others.is_empty() {
+        remarks.notes.push(format!(
+            "'{}' could be the colour as well and passes through; choose it by --map color=…",
+            others.join("', '")
+        ));
+    }
+}
+
 /// The colour of the file at `path`, for comparisons and references.
 ///
 /// # Errors
@@ -294,7 +306,7 @@ pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
         let documents = [Document::open(path)?];
         let layers = layers(&documents, None);
         let renderer = detect(&documents[0], &layers);
-        let casting = Casting { layers: &layers, renderer, mapped: &[] };
+        let casting = Casting::new(&layers, renderer, &[]);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
         let window = documents[0].headers()[beauty[0].at.part].data_window();

@@ -1,13 +1,13 @@
 //! Which layer plays which role: the channel map held against the layers of a file.
 //!
-//! Done in two steps, because Mitsuba's layers can only be told by their numbers: [`candidates`]
+//! Done in two steps, because Mitsuba's layers can only be told by their numbers: [`Casting`]
 //! lists by name what may be of use, and [`settle`] decides once the planes are read.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::channels::{
-    COMPANIONS, CompanionRow, Evidence, LAYERS, LayerRow, Of, Renderer, Role, Statistic, companion_names,
-    match_layer,
+    COMPANIONS, CompanionRow, Evidence, LAYERS, LayerRow, Matched, Of, Renderer, Role, Statistic,
+    companion_names, match_layer,
 };
 use super::evidence;
 use super::layers::{Channel, Layer};
@@ -30,19 +30,31 @@ pub(super) struct Candidate {
     evidence: Evidence,
     /// The layer its channels are in.
     layer: usize,
+    /// The layers around it, where the row leaves them open.
+    around: String,
 }
 
 /// What the user maps: a choice, or no channels to do without.
 pub(super) type Mapped = Choice;
 
-/// The layers and the tables that are held against them.
+/// The layers, and the tables that are held against them.
 pub(super) struct Casting<'a> {
-    pub(super) layers: &'a [Layer],
-    pub(super) renderer: Renderer,
-    pub(super) mapped: &'a [Mapped],
+    layers: &'a [Layer],
+    renderer: Renderer,
+    mapped: &'a [Mapped],
+    /// Layers by their name in small letters: hostile files have thousands.
+    by_name: BTreeMap<String, Vec<usize>>,
 }
 
-impl Casting<'_> {
+impl<'a> Casting<'a> {
+    pub(super) fn new(layers: &'a [Layer], renderer: Renderer, mapped: &'a [Mapped]) -> Self {
+        let mut by_name: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (i, layer) in layers.iter().enumerate() {
+            by_name.entry(layer.name.to_ascii_lowercase()).or_default().push(i);
+        }
+        Self { layers, renderer, mapped, by_name }
+    }
+
     /// The colour: what the user maps, or the first row that matches in the first file.
     pub(super) fn color(&self) -> Option<Candidate> {
         if let Some(mapped) = self.mapped(Role::Color, "", Statistic::Mean) {
@@ -52,7 +64,7 @@ impl Casting<'_> {
             self.layers.iter().enumerate().find_map(|(i, layer)| {
                 let matched = match_layer(row.layer, &layer.name)?;
                 let channels = layer.pick_first(row.components)?;
-                (channels[0].file == 0).then(|| self.candidate(i, row, matched.number, channels))
+                (channels[0].file == 0).then(|| self.candidate(i, row, &matched, channels))
             })
         })
     }
@@ -89,7 +101,7 @@ impl Casting<'_> {
                 if channels.iter().any(|channel| color.mean.channels.contains(channel)) {
                     continue;
                 }
-                let candidate = self.candidate(i, row, matched.number, channels);
+                let candidate = self.candidate(i, row, &matched, channels);
                 let target = &candidate.mean.target;
                 if self.mapped(target.role, &target.feature, Statistic::Mean).is_none() {
                     found.push(candidate);
@@ -99,12 +111,27 @@ impl Casting<'_> {
         found
     }
 
+    /// Other pictures that could have been the colour: of the other eye, of another view layer.
+    pub(super) fn other_colors(&self, color: &Candidate) -> Vec<String> {
+        let named = |row: &LayerRow| {
+            self.layers.iter().enumerate().filter(|&(i, layer)| {
+                let fits = match_layer(row.layer, &layer.name).is_some()
+                    && layer.pick_first(row.components).is_some();
+                fits && !self.goes_with(i, color)
+            })
+        };
+        let names = self.rows(Role::Color).flat_map(named).map(|(_, layer)| match &layer.view {
+            Some(view) if layer.name.is_empty() => view.clone(),
+            _ => layer.name.clone(),
+        });
+        names.collect::<BTreeSet<_>>().into_iter().collect()
+    }
+
     /// The view must be the colour's, and so must the layers around (Cycles' view layer).
     fn goes_with(&self, layer: usize, color: &Candidate) -> bool {
-        let (layer, color) = (&self.layers[layer], &self.layers[color.layer]);
-        let same_view = layer.view.is_none() || color.view.is_none() || layer.view == color.view;
-        let around = color.name.rfind('.').map_or("", |dot| &color.name[..=dot]);
-        same_view && layer.name.starts_with(around)
+        let (layer, color_layer) = (&self.layers[layer], &self.layers[color.layer]);
+        let same_view = layer.view.is_none() || color_layer.view.is_none() || layer.view == color_layer.view;
+        same_view && layer.name.starts_with(&color.around)
     }
 
     fn rows(&self, role: Role) -> impl Iterator<Item = &'static LayerRow> {
@@ -137,25 +164,33 @@ impl Casting<'_> {
         let named = |(i, layer): (usize, &Layer)| {
             let rows = self.companion_rows();
             rows.flat_map(|row| companion_names(row, &layer.name))
-                .flat_map(move |name| self.layers_named(name).filter(move |&other| other != i))
+                .flat_map(move |name| {
+                    self.layers_named(&name).iter().copied().filter(move |&other| other != i)
+                })
                 .collect::<Vec<_>>()
         };
         self.layers.iter().enumerate().flat_map(named).collect()
     }
 
-    fn layers_named(&self, name: String) -> impl Iterator<Item = usize> {
-        (0..self.layers.len()).filter(move |&i| self.layers[i].name.eq_ignore_ascii_case(&name))
+    fn layers_named(&self, name: &str) -> &[usize] {
+        self.by_name.get(&name.to_ascii_lowercase()).map_or(&[], Vec::as_slice)
     }
 
-    fn candidate(&self, layer: usize, row: &LayerRow, number: &str, channels: Vec<Channel>) -> Candidate {
+    fn candidate(
+        &self,
+        layer: usize,
+        row: &LayerRow,
+        matched: &Matched,
+        channels: Vec<Channel>,
+    ) -> Candidate {
         let feature = match row.role {
-            Role::Feature(kind) => format!("{}{number}", feature_name(kind)),
+            Role::Feature(kind) => format!("{}{}", feature_name(kind), matched.number),
             _ => String::new(),
         };
         let target = Target { role: row.role, feature, statistic: Statistic::Mean };
         let mean = Choice { target, channels };
         let companions = self.companions(layer, &mean);
-        Candidate { mean, companions, evidence: row.evidence, layer }
+        Candidate { mean, companions, evidence: row.evidence, layer, around: matched.around.to_owned() }
     }
 
     /// A mapped mean, with the companions of the layer it begins in.
@@ -164,7 +199,7 @@ impl Casting<'_> {
         let holds = |layer: &Layer| layer.components.iter().any(|(_, channel)| channel == first);
         let layer = self.layers.iter().position(holds)?;
         let companions = self.companions(layer, &mean);
-        Some(Candidate { mean, companions, evidence: Evidence::Name, layer })
+        Some(Candidate { mean, companions, evidence: Evidence::Name, layer, around: String::new() })
     }
 
     /// The statistics of `mean`, as mapped by the user or as named after its `layer`.
@@ -184,7 +219,7 @@ impl Casting<'_> {
             let channels = rows.into_iter().find_map(|row| {
                 let layers = companion_names(row, &self.layers[layer].name)
                     .into_iter()
-                    .flat_map(|name| self.layers_named(name));
+                    .flat_map(|name| self.layers_named(&name).iter().copied());
                 layers
                     .filter(|&other| other != layer)
                     .find_map(|other| Some((row.statistic, self.pick_like(layer, mean, other)?)))

@@ -64,6 +64,7 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[&str]) ->
             ));
         }
     }
+    layout.half.iter().for_each(|half| line(format!("{half}: the other half")));
     let how = if layout.forced { "as told" } else { "recognised" };
     let spp = layout.samples_per_pixel.map_or("unknown".to_owned(), |n| n.to_string());
     line(format!("renderer: {:?} ({how}); {width}×{height}; samples per pixel: {spp}", layout.renderer));
