@@ -2,7 +2,7 @@
 
 mod exr_files;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use apr::FeatureKind;
 use apr::io::{Picture, ReadOptions, Renderer, VarianceKind};
@@ -508,4 +508,58 @@ fn thousands_of_channels_are_sorted_out() {
     all.extend(["R", "G", "B", "visibility.Y"]);
     let picture = picture(folder.path(), &all, &[], &ReadOptions::default());
     assert_eq!(roles(&picture), ["color mean: R", "visibility mean: visibility.Y"]);
+}
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+#[test]
+fn mitsubas_layers_are_told_by_their_numbers() {
+    let plain = Picture::read(fixture("mitsuba/gallery_aov.exr"), &ReadOptions::default()).unwrap();
+    let expected = [
+        "color mean: R",
+        "albedo mean: alb.R",
+        "normal mean: nn.X",
+        "position mean: pos.X",
+        "depth mean: dd.T",
+    ];
+    assert_eq!(roles(&plain), expected);
+    let albedo = &plain.frame().features()[0].planes;
+    assert!(
+        albedo.iter().flat_map(apr::image::Plane::data).all(|v| (0.0..=1.0).contains(v)),
+        "metals are cut to 1"
+    );
+
+    let spp = ReadOptions { spp: Some(16.0), ..ReadOptions::default() };
+    let moments = Picture::read(fixture("mitsuba/gallery_moment.exr"), &spp).unwrap();
+    assert!(roles(&moments).contains(&"color second moment: m2_nested.img.R".to_owned()));
+    let frame = moments.frame();
+    assert!(frame.features().iter().all(|feature| feature.var_of_mean.is_some()));
+    assert!(moments.layout().notes.iter().all(|note| !note.contains("XYZ")), "the RGB moments are there");
+    // The variance of 16 samples' mean, against the error that the reference shows.
+    let reference = apr::io::read_rgb(fixture("mitsuba/gallery_ref.exr")).unwrap();
+    let (color, variance) = (frame.color(), frame.color_var_of_mean().unwrap());
+    let count = variance[1].data().len();
+    let mean = |of: &dyn Fn(usize) -> f32| (0..count).map(|i| f64::from(of(i))).sum::<f64>() / count as f64;
+    let told = mean(&|i| variance[1].data()[i]);
+    let true_error = mean(&|i| (color[1].data()[i] - reference[1].data()[i]).powi(2));
+    assert!((0.5..2.0).contains(&(told / true_error)), "{told} against {true_error}");
+
+    let unknown = Picture::read(fixture("mitsuba/gallery_moment.exr"), &ReadOptions::default()).unwrap();
+    assert!(unknown.frame().color_var_of_mean().is_none());
+    assert!(unknown.layout().warnings[0].contains("--spp"), "{:?}", unknown.layout().warnings);
+}
+
+#[test]
+fn two_blender_renders_make_up_for_the_variance_that_cycles_lacks() {
+    let alone = Picture::read(fixture("blender/room_seed1.exr"), &ReadOptions::default()).unwrap();
+    assert!(alone.layout().warnings.iter().any(|warning| warning.contains("--half")));
+    let half = Some(fixture("blender/room_seed2.exr"));
+    let both =
+        Picture::read(fixture("blender/room_seed1.exr"), &ReadOptions { half, ..ReadOptions::default() });
+    let both = both.unwrap();
+    assert_eq!(both.frame().spp(), Some(32.0));
+    assert!(both.frame().color_var_of_mean().is_some() && both.frame().halves().is_some());
+    assert!(both.layout().warnings.is_empty(), "{:?}", both.layout().warnings);
 }

@@ -128,7 +128,10 @@ fn hostile() -> Vec<(&'static str, Vec<u8>)> {
     let zip = &samples()[6];
     let piz = &samples()[8];
     let tiled = &samples()[7];
+    let mut padded = patched(piz, "dataWindow", 0, &window(16_383, 16_383));
+    padded.resize(1 << 14, 0);
     vec![
+        ("a quarter of a gigapixel and no blocks", padded),
         ("a window of 2^60 pixels", patched(zip, "dataWindow", 0, &window(i32::MAX / 4, i32::MAX / 4))),
         ("a window of 2^62 pixels", patched(zip, "dataWindow", 0, &window(i32::MAX, i32::MAX))),
         ("a gigapixel in a few bytes", patched(zip, "dataWindow", 0, &window(16_000, 16_000))),

@@ -1,7 +1,8 @@
 //! Channels of a file as planes of `f32`.
 
+use exr::block::UncompressedBlock;
 use exr::block::lines::LineIndex;
-use exr::meta::attribute::{IntegerBounds, SampleType};
+use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
 
 use super::document::Document;
@@ -27,40 +28,59 @@ pub(super) fn read_planes(
     wanted: &[ChannelAt],
     window: IntegerBounds,
 ) -> Result<Vec<Plane>> {
-    let (width, height) = (window.size.width(), window.size.height());
-    let mut planes: Vec<_> = wanted.iter().map(|_| Plane::filled(width, height, 0.0)).collect();
+    let black = || {
+        let plane = |_| Plane::filled(window.size.width(), window.size.height(), 0.0);
+        wanted.iter().map(plane).collect::<Vec<_>>()
+    };
+    let mut planes = None; // not before a first block proves that the file holds more than promises
     for (part, header) in document.headers().iter().enumerate() {
-        // targets[c] lists the planes that channel c of this part fills
-        let mut targets = vec![Vec::new(); header.channels.list.len()];
+        let mut fills = vec![Vec::new(); header.channels.list.len()];
         for (plane, at) in wanted.iter().enumerate().filter(|(_, at)| at.part == part) {
-            targets[at.channel].push(plane);
+            fills[at.channel].push(plane);
         }
-        if targets.iter().all(Vec::is_empty) {
+        if fills.iter().all(Vec::is_empty) {
             continue;
         }
-        let shift_x = i64::from(header.own_attributes.layer_position.x()) - i64::from(window.position.x());
-        let shift_y = i64::from(header.own_attributes.layer_position.y()) - i64::from(window.position.y());
+        let from = header.own_attributes.layer_position;
+        let shift = [(from.x(), window.position.x()), (from.y(), window.position.y())];
+        let placement = Placement {
+            channels: &header.channels,
+            fills,
+            shift: shift.map(|(part, window)| i64::from(part) - i64::from(window)),
+        };
         document.for_each_block(part, |blocks| {
-            for (_, block) in blocks {
-                for (bytes, line) in LineIndex::lines_in_block(block.index, &header.channels) {
-                    let y = line.position.y() as i64 + shift_y;
-                    if targets[line.channel].is_empty() || !(0..height as i64).contains(&y) {
-                        continue;
-                    }
-                    let samples = Samples {
-                        bytes: &block.data[bytes],
-                        kind: header.channels.list[line.channel].sample_type,
-                    };
-                    for &plane in &targets[line.channel] {
-                        let row = &mut planes[plane].data_mut()[y as usize * width..][..width];
-                        samples.copy_to(row, line.position.x() as i64 + shift_x);
-                    }
-                }
-            }
+            let planes = planes.get_or_insert_with(black);
+            blocks.iter().for_each(|(_, block)| placement.copy(block, planes));
             Ok(())
         })?;
     }
-    Ok(planes)
+    Ok(planes.unwrap_or_else(black))
+}
+
+/// Where the samples of a part go.
+struct Placement<'a> {
+    channels: &'a ChannelList,
+    /// For each channel the planes that it fills.
+    fills: Vec<Vec<usize>>,
+    /// What must be added to a column and a row of the part to get those of the planes.
+    shift: [i64; 2],
+}
+
+impl Placement<'_> {
+    fn copy(&self, block: &UncompressedBlock, planes: &mut [Plane]) {
+        for (bytes, line) in LineIndex::lines_in_block(block.index, self.channels) {
+            let x = line.position.x() as i64 + self.shift[0];
+            let y = line.position.y() as i64 + self.shift[1];
+            let kind = self.channels.list[line.channel].sample_type;
+            let samples = Samples { bytes: &block.data[bytes], kind };
+            for &plane in &self.fills[line.channel] {
+                let (width, height) = planes[plane].size();
+                if let Some(y) = usize::try_from(y).ok().filter(|y| *y < height) {
+                    samples.copy_to(&mut planes[plane].data_mut()[y * width..][..width], x);
+                }
+            }
+        }
+    }
 }
 
 /// A line of samples as stored.

@@ -3,6 +3,19 @@
 //! [`Picture::read`] makes a [`Frame`](crate::Frame) of whatever a renderer wrote, by the channel map
 //! in `channels.rs`; [`Picture::write`] puts the denoised beauty back and passes everything else
 //! through. [`write_frame`] writes a frame under this project's own names.
+//!
+//! ```no_run
+//! use apr::io::{Picture, ReadOptions};
+//!
+//! let picture = Picture::read("render.exr", &ReadOptions::default())?;
+//! let denoised = apr::denoise(picture.frame(), &apr::Options::default())?;
+//! picture.write("denoised.exr", &denoised, false)?;
+//! # apr::Result::Ok(())
+//! ```
+//!
+//! Pixels pass through block by block: what is held in memory is the frame, not the file. Headers are
+//! held against fixed limits ([`MAX_PIXELS`], [`MAX_BLOCK_BYTES`], [`MAX_CHANNELS`], [`MAX_PARTS`]) and
+//! against the length of the file before anything is allocated for them.
 
 mod assemble;
 mod atomic;
