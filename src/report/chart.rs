@@ -1,16 +1,26 @@
 //! Charts on logarithmic axes, as SVG.
 
+mod labels;
+
 use std::fmt::Write;
+
+use labels::Labels;
 
 const WIDTH: f64 = 640.0;
 const HEIGHT: f64 = 400.0;
 const LEFT: f64 = 74.0;
 const RIGHT: f64 = 18.0;
+/// A legend of more lines than `INSIDE` gets a column of its own, this wide, beside the axes.
+const LEGEND: f64 = 190.0;
+const INSIDE: usize = 3;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 52.0;
 
 /// Okabe and Ito's colours, which people with colour-blindness can tell apart.
 const COLORS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444"];
+
+/// Dashes and gaps in pixels.
+const DASHES: [&str; 3] = ["none", "6 3", "2 3"];
 
 /// A chart of positive values on two logarithmic axes.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,7 +40,8 @@ pub struct Chart {
 pub struct Series {
     /// The name in the legend; none when empty.
     pub name: String,
-    /// Where the points are, and a label beside each (none when empty).
+    /// Where the points are, and a label for each (none when empty): beside the point where there is
+    /// room, and in its tooltip.
     pub points: Vec<(f64, f64, String)>,
     /// Join the points by a line.
     pub line: bool,
@@ -77,17 +88,21 @@ impl Chart {
         let drawn = || self.series.iter().flat_map(|s| &s.points).filter(|(x, y, _)| drawable(*x, *y));
         let x = Axis::new(drawn().map(|p| p.0), LEFT, WIDTH - RIGHT);
         let y = Axis::new(drawn().map(|p| p.1), HEIGHT - BOTTOM, TOP);
+        let named = self.series.iter().filter(|series| !series.name.is_empty()).count();
+        let width = WIDTH + if named > INSIDE { LEGEND } else { 0.0 };
         let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" width=\"{WIDTH}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" width=\"{width}\" \
              font-family=\"system-ui,sans-serif\" font-size=\"12\" fill=\"#222\">\n\
-             <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
+             <rect width=\"{width}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
         );
         text(&mut svg, LEFT, 20.0, "font-weight=\"600\" font-size=\"14\"", &self.title);
         self.grid(&mut svg, &x, &y);
+        let frame = [LEFT, TOP, WIDTH, HEIGHT - BOTTOM];
+        let mut labels = Labels::new(frame, drawn().map(|point| (x.at(point.0), y.at(point.1))));
         for (i, series) in self.series.iter().enumerate() {
-            series.draw(&mut svg, &x, &y, COLORS[i % COLORS.len()]);
+            series.draw(&mut svg, &x, &y, i, &mut labels);
         }
-        self.legend(&mut svg);
+        self.legend(&mut svg, width - RIGHT);
         svg + "</svg>\n"
     }
 
@@ -109,26 +124,26 @@ impl Chart {
         text(svg, 16.0, HEIGHT / 2.0, &upright, &self.y);
     }
 
-    fn legend(&self, svg: &mut String) {
+    /// Names right-aligned before their marks, which end at `edge`.
+    fn legend(&self, svg: &mut String, edge: f64) {
         let named = self.series.iter().enumerate().filter(|(_, series)| !series.name.is_empty());
         for (row, (i, series)) in named.enumerate() {
             let y = TOP + 14.0 + 17.0 * row as f64;
-            put(
-                svg,
-                format_args!(
-                    "<circle cx=\"{}\" cy=\"{}\" r=\"4\" fill=\"{}\"/>\n",
-                    WIDTH - RIGHT - 10.0,
-                    y - 4.0,
-                    COLORS[i % COLORS.len()]
-                ),
-            );
-            text(svg, WIDTH - RIGHT - 20.0, y, "text-anchor=\"end\"", &series.name);
+            let (left, right) = (edge - 36.0, edge - 10.0);
+            if series.line {
+                stroke(svg, &format!("{left} {:.1}L{right} {:.1}", y - 4.0, y - 4.0), i);
+            }
+            if series.discs {
+                disc(svg, (left + right) / 2.0, y - 4.0, i, "");
+            }
+            text(svg, left - 8.0, y, "text-anchor=\"end\"", &series.name);
         }
     }
 }
 
 impl Series {
-    fn draw(&self, svg: &mut String, x: &Axis, y: &Axis, color: &str) {
+    /// Draws the chart's series number `i`.
+    fn draw(&self, svg: &mut String, x: &Axis, y: &Axis, i: usize, labels: &mut Labels) {
         let points: Vec<(f64, f64, &str)> = self
             .points
             .iter()
@@ -137,25 +152,39 @@ impl Series {
             .collect();
         if self.line && points.len() > 1 {
             let path: Vec<String> = points.iter().map(|(px, py, _)| format!("{px:.1} {py:.1}")).collect();
-            put(
-                svg,
-                format_args!(
-                    "<path d=\"M{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\"/>\n",
-                    path.join("L")
-                ),
-            );
+            stroke(svg, &path.join("L"), i);
         }
         for (px, py, label) in points {
             if self.discs {
-                put(svg, format_args!("<circle cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"4\" fill=\"{color}\"/>\n"));
+                disc(svg, px, py, i, label);
             }
-            let inward = px > (LEFT + WIDTH - RIGHT) / 2.0; // away from the nearer edge
-            let (dx, anchor) = if inward { (-7.0, "end") } else { (7.0, "start") };
-            if !label.is_empty() {
-                text(svg, px + dx, py - 5.0, &format!("font-size=\"11\" text-anchor=\"{anchor}\""), label);
+            if !label.is_empty()
+                && let Some((left, base)) = labels.place(px, py, label)
+            {
+                text(svg, left, base, "font-size=\"11\"", label);
             }
         }
     }
+}
+
+/// A line in the style of series `i`: after every colour the next sort of dashes.
+fn stroke(svg: &mut String, path: &str, i: usize) {
+    let (color, dashes) = (COLORS[i % COLORS.len()], DASHES[i / COLORS.len() % DASHES.len()]);
+    let style = format_args!(
+        "<path d=\"M{path}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\" \
+         stroke-dasharray=\"{dashes}\"/>\n"
+    );
+    put(svg, style);
+}
+
+/// A disc in the colour of series `i` with a tooltip.
+fn disc(svg: &mut String, x: f64, y: f64, i: usize, tip: &str) {
+    let color = COLORS[i % COLORS.len()];
+    let tip = super::escape(tip);
+    let disc = format_args!(
+        "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"4\" fill=\"{color}\"><title>{tip}</title></circle>\n"
+    );
+    put(svg, disc);
 }
 
 fn drawable(x: f64, y: f64) -> bool {
