@@ -2,6 +2,9 @@
 """Compares apr-trace with Mitsuba 3 on scenes of fixtures/scenes.
 
   python3 scripts/mitsuba_check.py [SCENE …] [--size 96x72] [--spp 256] [--out FOLDER]
+  python3 scripts/mitsuba_check.py SCENE … --size 32x24 --spp 1024 --fixtures fixtures/trace
+
+The second form writes what Mitsuba renders as fixtures, with which `cargo test` does the same.
 
 Both programs render each scene with independent samples and a box filter, at the size given. Radiance
 and the features position, normal, albedo and depth are compared by z-tests, with the variances of both:
@@ -143,14 +146,35 @@ def bound(tests):
     return -statistics.NormalDist().inv_cdf(single / 2)
 
 
-def check(name, options):
+def load(name, options):
     scene = convert.load(ROOT / "fixtures" / "scenes" / f"{name}.json")
     scene["camera"]["resolution"] = [int(n) for n in options.size.split("x")]
     scene["camera"].pop("filter", None)
-    flat = matt(scene)
-    # Features of the matt scene, radiance of the true one.
-    own = render_own(flat, options.spp, options.program) | {"color": render_own(scene, options.spp, options.program)["color"]}
-    other = render_mitsuba(flat, options.spp) | {"color": render_mitsuba(scene, options.spp)["color"]}
+    return scene
+
+
+def both(scene, render):
+    """Features of the matt scene, radiance of the true one."""
+    return render(matt(scene)) | {"color": render(scene)["color"]}
+
+
+def write_fixture(name, options):
+    result = both(load(name, options), lambda scene: render_mitsuba(scene, options.spp))
+    planes = {}
+    for quantity, components in {"color": "RGB", "position": "XYZ", "normal": "XYZ", "albedo": "RGB", "depth": "Z"}.items():
+        mean_layer, variance_layer = ("", "variance.") if quantity == "color" else (f"{quantity}.", f"{quantity}Variance.")
+        for i, component in enumerate(components):
+            for layer, values in zip((mean_layer, variance_layer), result[quantity]):
+                planes[layer + component] = np.ascontiguousarray(values[..., i], np.float32)
+    options.fixtures.mkdir(parents=True, exist_ok=True)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "samplesPerPixel": options.spp}
+    OpenEXR.File(header, planes).write(str(options.fixtures / f"{name}.exr"))
+
+
+def check(name, options):
+    scene = load(name, options)
+    own = both(scene, lambda scene: render_own(scene, options.spp, options.program))
+    other = both(scene, lambda scene: render_mitsuba(scene, options.spp))
     good = True
     for quantity in own:
         results, scores = test(own[quantity], other[quantity], ROUNDING[quantity])
@@ -174,8 +198,13 @@ def main():
     parser.add_argument("--spp", type=int, default=256)
     parser.add_argument("--out", type=pathlib.Path, help="folder for pictures of what failed")
     parser.add_argument("--program", default=str(ROOT / "target" / "release" / "apr-trace"))
+    parser.add_argument("--fixtures", type=pathlib.Path, help="folder for Mitsuba's results; nothing is compared")
     options = parser.parse_args()
     names = options.scenes or sorted(path.stem for path in (ROOT / "fixtures" / "scenes").glob("*.json"))
+    if options.fixtures:
+        for name in names:
+            write_fixture(name, options)
+        return
     print(f"{'scene':16} {'quantity':9} {'pixels':>14}  {'blocks':>14}  {'whole':>14}   largest |z| ≤ bound")
     results = [check(name, options) for name in names]
     sys.exit(0 if all(results) else 1)

@@ -1,0 +1,197 @@
+//! Pictures whose radiance is known exactly, compared by z-tests with fixed seeds.
+
+use std::f64::consts::PI;
+
+use serde_json::{Value, json};
+
+use super::{picture_mean, rendered};
+
+/// Most standard errors by which a mean may miss; the seeds are fixed, so a pass stays one.
+const Z_LIMIT: f64 = 3.5;
+/// Rounding of single precision in a mean of many samples.
+const ROUNDING: f64 = 2e-5;
+
+/// Renders `scene` and checks the mean of each channel.
+fn expect_with(scene: &Value, spp: u32, expected: [f64; 3], slack: f64) {
+    for (channel, (mean, error)) in picture_mean(&rendered(scene, spp, 1)).into_iter().enumerate() {
+        let allowed = Z_LIMIT * error + (ROUNDING + slack) * expected[channel];
+        let miss = (mean - expected[channel]).abs();
+        assert!(miss <= allowed, "channel {channel}: {mean} ± {error}, expected {}", expected[channel]);
+    }
+}
+
+fn expect(scene: &Value, spp: u32, expected: [f64; 3]) {
+    expect_with(scene, spp, expected, 0.0);
+}
+
+/// A sphere that fills the view.
+fn ball(material: Value, extra: Value) -> Value {
+    let mut scene = json!({
+        "camera": {"origin": [0, 0, 4], "target": [0, 0, 0], "fov": 20, "resolution": [12, 9]},
+        "integrator": {"max_depth": 200, "roulette_depth": 200},
+        "materials": {"m": material},
+        "shapes": [{"type": "sphere", "material": "m"}]
+    });
+    scene.as_object_mut().unwrap().extend(extra.as_object().unwrap().clone());
+    scene
+}
+
+fn white_sky() -> Value {
+    json!({"environment": {"type": "constant", "radiance": 1}})
+}
+
+#[test]
+fn white_furnace() {
+    let conserving = [
+        json!({"type": "diffuse", "reflectance": 1}),
+        json!({"type": "dielectric"}),
+        json!({"type": "dielectric", "eta": 2.2}),
+        json!({"type": "plastic", "reflectance": 1}),
+        json!({"type": "conductor", "eta": 0.01, "k": 1e4}),
+    ];
+    for material in conserving {
+        expect_with(&ball(material, white_sky()), 256, [1.0; 3], 5e-4);
+    }
+}
+
+/// Facets shadow one another, and what they shadow is lost, at every bounce: rough surfaces stay under 1.
+#[test]
+fn rough_surfaces_lose_little_and_gain_nothing() {
+    let rough = [
+        json!({"type": "dielectric", "roughness": 0.1}),
+        json!({"type": "conductor", "eta": 0.01, "k": 1e4, "roughness": 0.2}),
+    ];
+    for material in rough {
+        for (mean, error) in picture_mean(&rendered(&ball(material, white_sky()), 256, 1)) {
+            assert!((0.92..=1.0 + Z_LIMIT * error).contains(&mean), "{mean} ± {error}");
+        }
+    }
+}
+
+#[test]
+fn a_sphere_under_a_constant_sky_has_its_reflectance() {
+    let material = json!({"type": "diffuse", "reflectance": [0.2, 0.5, 0.9]});
+    let sky = json!({"environment": {"type": "constant", "radiance": [2, 1, 0.5]}});
+    expect(&ball(material, sky), 64, [0.4, 0.5, 0.45]);
+}
+
+/// A floor of reflectance ½ seen from so near that its radiance hardly varies.
+fn floor(extra: Value) -> Value {
+    let mut scene = json!({
+        "camera": {"origin": [1, 0.5, 1], "target": [0, 0, 0], "fov": 0.05, "resolution": [8, 6]},
+        "integrator": {"max_depth": 2},
+        "materials": {"gray": {"type": "diffuse", "reflectance": 0.5}},
+        "shapes": [{"type": "rectangle", "material": "gray",
+                    "transform": [{"rotate": {"axis": [1, 0, 0], "angle": -90}}, {"scale": 9}]}]
+    });
+    for (key, value) in extra.as_object().unwrap() {
+        match scene[key].as_array_mut() {
+            Some(list) => list.extend(value.as_array().unwrap().clone()),
+            None => scene[key] = value.clone(),
+        }
+    }
+    scene
+}
+
+/// Irradiance under the middle of a rectangle of radiance 1 with sides 2a and 2b at height h.
+fn irradiance_of_rectangle(a: f64, b: f64, h: f64) -> f64 {
+    let (x, y) = (a / h, b / h);
+    let side = |x: f64, y: f64| x / x.hypot(1.0) * (y / x.hypot(1.0)).atan();
+    2.0 * (side(x, y) + side(y, x))
+}
+
+#[test]
+fn irradiance_of_a_rectangle_whole_and_in_many_pieces() {
+    let (a, b, h) = (1.5, 0.8, 2.0);
+    let expected = 0.5 / PI * irradiance_of_rectangle(a, b, h) * 10.0;
+    let pieces = |n: usize| -> Value {
+        let piece = |i: usize, j: usize| {
+            let place = |k: usize, half: f64| half * ((2 * k + 1) as f64 / n as f64 - 1.0);
+            json!({"type": "rectangle", "emission": 10, "transform": [
+                {"rotate": {"axis": [1, 0, 0], "angle": 90}}, {"scale": [a / n as f64, 1, b / n as f64]},
+                {"translate": [place(i, a), h, place(j, b)]}]})
+        };
+        (0..n * n).map(|k| piece(k / n, k % n)).collect()
+    };
+    expect(&floor(json!({"shapes": pieces(1)})), 1024, [expected; 3]);
+    expect(&floor(json!({"shapes": pieces(6)})), 1024, [expected; 3]);
+}
+
+#[test]
+fn lights_without_a_shape() {
+    let radiance = |irradiance: f64| [0.5 / PI * irradiance; 3];
+    let point = json!({"lights": [{"type": "point", "position": [1, 2, 0], "intensity": 7}]});
+    expect(&floor(point), 16, radiance(7.0 * 2.0 / 5f64.powf(1.5)));
+    let directional = json!({"lights": [{"type": "directional", "direction": [0, -3, 4], "irradiance": 2}]});
+    expect(&floor(directional), 16, radiance(2.0 * 0.6));
+    // Half way between the beam's 20 and the cone's 40 degrees.
+    let angle = 30f64.to_radians();
+    let target = [2.0 * angle.tan(), 0.0, 0.0];
+    let spot = json!({"lights": [{"type": "spot", "position": [0, 2, 0], "target": target, "intensity": 8,
+                                  "cutoff_angle": 40, "beam_angle": 20}]});
+    expect_with(&floor(spot), 16, radiance(0.5 * 8.0 / 4.0), 1e-3);
+}
+
+/// A small lamp near the floor: its own near side must not shade it.
+#[test]
+fn irradiance_of_a_sphere() {
+    let lamp = json!({"shapes": [{"type": "sphere", "center": [0, 1, 0], "radius": 0.02, "emission": 500}]});
+    expect(&floor(lamp), 256, [0.5 * 500.0 * 0.02f64.powi(2); 3]);
+}
+
+#[test]
+fn absorption_follows_beer_and_lambert() {
+    let scene = json!({
+        "camera": {"origin": [0, 0, 5], "target": [0, 0, 0], "fov": 1, "resolution": [8, 6]},
+        "shapes": [], "environment": {"type": "constant", "radiance": 1},
+        "medium": {"extinction": [0.1, 0.5, 1.2], "albedo": 0, "bounds": {"min": [-1, -1, -1], "max": [1, 1, 1]}}
+    });
+    expect_with(&scene, 4096, [0.1, 0.5, 1.2].map(|s: f64| (-2.0 * s).exp()), 1e-4);
+}
+
+#[test]
+fn a_medium_that_only_scatters_is_invisible_in_a_furnace() {
+    let scene = json!({
+        "camera": {"origin": [0, 0, 5], "target": [0, 0, 0], "fov": 30, "resolution": [12, 9]},
+        "integrator": {"max_depth": 500, "roulette_depth": 500},
+        "shapes": [], "environment": {"type": "constant", "radiance": 1},
+        "medium": {"extinction": [0.5, 1, 2], "albedo": 1, "anisotropy": 0.6,
+                   "bounds": {"min": [-1, -1, -1], "max": [1, 1, 1]}}
+    });
+    expect(&scene, 256, [1.0; 3]);
+}
+
+/// The environment map's own light, found by its distribution: a bright texel among dark ones.
+#[test]
+fn a_mean_over_an_environment_map_is_the_same_by_light_and_by_chance() {
+    // A diffuse sphere is lit by next-event estimation; a metal ball meets the map by its own rays. Seen
+    // from the same place, the irradiance is checked against the map's mean over the floor's hemisphere.
+    let map = json!({"environment": {"type": "map", "file": "sky.hdr"}});
+    let by_light = floor(map.clone());
+    let mut by_chance = floor(map);
+    by_chance["materials"]["gray"] = json!({"type": "conductor", "eta": 0.01, "k": 1e4});
+    by_chance["camera"] = json!({"origin": [0, 0.001, 0], "target": [0, 1, 0], "up": [0, 0, 1], "fov": 150,
+                                 "resolution": [120, 120]});
+    // Radiance along the camera's own rays, weighted with cos⁴ over the image plane, is the irradiance.
+    let seen = rendered(&by_chance, 4, 1);
+    let tan = 75f64.to_radians().tan();
+    let mut irradiance = [0.0; 3];
+    for y in 0..120 {
+        for x in 0..120 {
+            let at = |i: usize| (2.0 * (i as f64 + 0.5) / 120.0 - 1.0) * tan;
+            let distance2 = 1.0 + at(x).powi(2) + at(y).powi(2);
+            let patch = (2.0 * tan / 120.0).powi(2);
+            for (c, sum) in irradiance.iter_mut().enumerate() {
+                *sum += f64::from(seen.frame.color()[c].get(x, y)) * patch / (distance2 * distance2);
+            }
+        }
+    }
+    // The picture leaves out directions within 15 degrees of the horizon: less than 7 % of the irradiance.
+    for (c, (mean, error)) in picture_mean(&rendered(&by_light, 1024, 1)).into_iter().enumerate() {
+        let least = 0.5 / PI * irradiance[c];
+        assert!(
+            mean + Z_LIMIT * error > least && mean - Z_LIMIT * error < 1.07 * least,
+            "{c}: {mean}, {least}"
+        );
+    }
+}
