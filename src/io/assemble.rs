@@ -7,7 +7,7 @@ use super::channels::{Role, Statistic, VarianceKind};
 use super::layers::Channel;
 use super::mapping::Target;
 use super::roles::Choice;
-use super::variance::{Samples, from_halves, to_variance_of_mean};
+use super::variance::{Samples, to_variance_of_mean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Feature, FeatureKind, Frame};
 use crate::image::{Plane, Rgb};
@@ -177,7 +177,7 @@ impl Group {
             _ => None,
         };
         let stored = variance.filter(|(_, planes)| same_count(planes) && given != Some(VarianceKind::Halves));
-        let converted = stored.and_then(|(statistic, mut planes)| {
+        let variance = stored.and_then(|(statistic, mut planes)| {
             let Statistic::Variance(by_name) = statistic else { return None };
             let kind = given.unwrap_or(by_name);
             let convert = |(stored, mean)| to_variance_of_mean(kind, stored, mean, samples);
@@ -188,13 +188,6 @@ impl Group {
                     None
                 }
             }
-        });
-        let variance = converted.or_else(|| {
-            let [a, b] = halves.as_ref()?;
-            remarks
-                .notes
-                .push(format!("{name}: its variance is estimated from the difference of its halves"));
-            Some(a.iter().zip(b).map(|(a, b)| from_halves(a, b)).collect())
         });
         Settled { mean, variance, halves }
     }

@@ -90,7 +90,7 @@ pub enum VarianceKind {
     M2,
     /// Standard deviation of the stored mean: squared.
     Stddev,
-    /// None is read; it is estimated from the difference of the half buffers.
+    /// None is read: the denoiser estimates it from the difference of the half buffers.
     Halves,
 }
 

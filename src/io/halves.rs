@@ -1,29 +1,16 @@
 //! Two renders of one frame as the halves of one.
 
 use super::assemble::rgb;
-use super::variance::from_halves;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Feature, Frame};
 use crate::image::Plane;
 
-/// Two frames of the same scene with independent seeds as one: means of both, with both as halves.
+/// Two frames of the same scene with independent seeds as one: means of both, with both as halves. The
+/// variance is kept where both have one; what only one has keeps that one's.
 ///
 /// # Errors
 /// `Lacking` when they differ in size.
-pub(super) fn merge_halves(a: &Frame, b: &Frame, from_halves_only: bool) -> Result<Frame> {
-    let both = |a: &[Plane], b: &[Plane]| -> [Vec<Plane>; 2] { [a.to_vec(), b.to_vec()] };
-    let mean = |a: &[Plane], b: &[Plane], f: fn(f32, f32) -> f32| -> Vec<Plane> {
-        let one = |(a, b): (&Plane, &Plane)| {
-            Plane::from_fn(a.width(), a.height(), |x, y| f(a.get(x, y), b.get(x, y)))
-        };
-        a.iter().zip(b).map(one).collect()
-    };
-    let average = |a, b| mean(a, b, |a, b| 0.5 * (a + b));
-    // The variance of the mean of two independent means of one variance each.
-    let variance = |a: Option<&[Plane]>, b: Option<&[Plane]>, halves: &[Vec<Plane>; 2]| match (a, b) {
-        (Some(a), Some(b)) if !from_halves_only => mean(a, b, |a, b| 0.25 * (a + b)),
-        _ => halves[0].iter().zip(&halves[1]).map(|(a, b)| from_halves(a, b)).collect(),
-    };
+pub(super) fn merge_halves(a: &Frame, b: &Frame) -> Result<Frame> {
     if (a.width(), a.height()) != (b.width(), b.height()) {
         return Err(Error::new(
             ErrorKind::Lacking,
@@ -31,35 +18,70 @@ pub(super) fn merge_halves(a: &Frame, b: &Frame, from_halves_only: bool) -> Resu
         )
         .remedy("give two renders of the same frame with different seeds"));
     }
-    let halves = both(a.color(), b.color());
-    let color_variance = variance(
-        a.color_var_of_mean().map(<[Plane; 3]>::as_slice),
-        b.color_var_of_mean().map(<[Plane; 3]>::as_slice),
-        &halves,
-    );
-    let [half_a, half_b] = halves;
-    let mut frame = Frame::new(rgb(average(a.color(), b.color()))?)?
-        .with_variance_of_mean(rgb(color_variance)?)?
-        .with_halves([rgb(half_a)?, rgb(half_b)?])?;
+    let mut frame =
+        Frame::new(rgb(means(a.color(), b.color()))?)?.with_halves([a.color().clone(), b.color().clone()])?;
+    if let (Some(a), Some(b)) = (a.color_var_of_mean(), b.color_var_of_mean()) {
+        frame = frame.with_variance_of_mean(rgb(variances(a, b))?)?;
+    }
     for feature in a.features() {
-        let twin =
+        let alike =
             |other: &&Feature| other.name == feature.name && other.planes.len() == feature.planes.len();
-        let merged = match b.features().iter().find(twin) {
+        frame = frame.with_feature(match b.features().iter().find(alike) {
             None => feature.clone(),
-            Some(other) => {
-                let halves = both(&feature.planes, &other.planes);
-                let mut merged =
-                    Feature::new(&feature.name, feature.kind, average(&feature.planes, &other.planes));
-                let of = |feature: &Feature| feature.var_of_mean.clone();
-                merged.var_of_mean = Some(variance(of(feature).as_deref(), of(other).as_deref(), &halves));
-                merged.halves = Some(halves);
-                merged
-            }
-        };
-        frame = frame.with_feature(merged)?;
+            Some(other) => merge_feature(feature, other),
+        })?;
     }
     Ok(match (a.spp(), b.spp()) {
         (Some(a), Some(b)) => frame.with_spp(a + b),
         _ => frame,
     })
+}
+
+fn merge_feature(a: &Feature, b: &Feature) -> Feature {
+    let mut merged = Feature::new(&a.name, a.kind, means(&a.planes, &b.planes));
+    merged.halves = Some([a.planes.clone(), b.planes.clone()]);
+    let both = a.var_of_mean.as_ref().zip(b.var_of_mean.as_ref());
+    merged.var_of_mean = both.map(|(a, b)| variances(a, b));
+    merged
+}
+
+fn means(a: &[Plane], b: &[Plane]) -> Vec<Plane> {
+    zip(a, b, |a, b| 0.5 * (a + b))
+}
+
+/// The variance of the mean of two independent means, from the variance of each.
+fn variances(a: &[Plane], b: &[Plane]) -> Vec<Plane> {
+    zip(a, b, |a, b| 0.25 * (a + b))
+}
+
+fn zip(a: &[Plane], b: &[Plane], f: impl Fn(f32, f32) -> f32) -> Vec<Plane> {
+    let one =
+        |(a, b): (&Plane, &Plane)| Plane::from_fn(a.width(), a.height(), |x, y| f(a.get(x, y), b.get(x, y)));
+    a.iter().zip(b).map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::FeatureKind;
+
+    #[test]
+    fn halves_are_averaged_and_their_variances_quartered() {
+        let planes = |v: f32| [v, v + 1.0, v + 2.0].map(|v| Plane::filled(3, 2, v));
+        let frame = |v: f32| {
+            let mut depth = Feature::new("depth", FeatureKind::Depth, vec![Plane::filled(3, 2, v)]);
+            depth.var_of_mean = Some(vec![Plane::filled(3, 2, 2.0 * v)]);
+            let frame = Frame::new(planes(v)).unwrap().with_variance_of_mean(planes(v)).unwrap();
+            frame.with_feature(depth).unwrap().with_spp(v)
+        };
+        let merged = merge_halves(&frame(2.0), &frame(4.0)).unwrap();
+        assert_eq!(merged.color(), &planes(3.0));
+        assert_eq!(merged.color_var_of_mean().unwrap()[1].get(0, 0), 0.25 * (3.0 + 5.0));
+        assert_eq!(merged.halves(), Some(&[planes(2.0), planes(4.0)]));
+        let depth = &merged.features()[0];
+        assert_eq!((depth.planes[0].get(2, 1), depth.var_of_mean.as_ref().unwrap()[0].get(2, 1)), (3.0, 3.0));
+        assert_eq!(merged.spp(), Some(6.0));
+        let small = Frame::new([0.0; 3].map(|v| Plane::filled(3, 1, v))).unwrap();
+        assert_eq!(merge_halves(&frame(1.0), &small).unwrap_err().kind(), ErrorKind::Lacking);
+    }
 }

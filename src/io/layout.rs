@@ -96,6 +96,8 @@ impl Layout {
         self.samples_per_pixel = frame.spp();
         if frame.color_var_of_mean().is_none() {
             self.missing.push("variance".to_owned());
+        }
+        if frame.color_var_of_mean().is_none() && frame.halves().is_none() {
             self.warnings.push(
                 "no variance of the colour is there: it will be estimated from the picture itself; render \
                  with variance, or twice with different seeds (--half), for a better result"

@@ -61,9 +61,8 @@ impl Picture {
         let mut picture = Self::read_one(path, options).map_err(|error| error.in_file(path))?;
         if let Some(half) = &options.half {
             let other = Self::read_one(half, options).map_err(|error| error.in_file(half))?;
-            let halves_only = options.variance_kind == Some(VarianceKind::Halves);
-            picture.frame = merge_halves(&picture.frame, &other.frame, halves_only)
-                .map_err(|error| error.in_file(half))?;
+            picture.frame =
+                merge_halves(&picture.frame, &other.frame).map_err(|error| error.in_file(half))?;
             picture.layout.half = Some(half.display().to_string());
         }
         picture.layout.complete(&picture.frame);

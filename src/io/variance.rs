@@ -96,28 +96,6 @@ fn lacking(what: &str) -> Error {
     Error::new(ErrorKind::Lacking, what)
 }
 
-/// [choice] Radius of the box over which the variance from two halves is averaged: a single pixel's
-/// has one degree of freedom and is worthless alone, 25 of them are as good as 26 samples.
-const HALVES_RADIUS: usize = 2;
-
-/// The variance of the mean of two independent halves, `(A−B)²/4`, averaged over a small box. Pixels
-/// where a half is not finite do not count.
-pub(super) fn from_halves(a: &Plane, b: &Plane) -> Plane {
-    let (width, height) = a.size();
-    let raw = Plane::from_fn(width, height, |x, y| (a.get(x, y) - b.get(x, y)).powi(2) / 4.0);
-    Plane::from_fn(width, height, |x, y| {
-        let (mut sum, mut count) = (0.0_f64, 0_u32);
-        for row in y.saturating_sub(HALVES_RADIUS)..(y + HALVES_RADIUS + 1).min(height) {
-            let columns = x.saturating_sub(HALVES_RADIUS)..(x + HALVES_RADIUS + 1).min(width);
-            for value in raw.row(row)[columns].iter().filter(|value| value.is_finite()) {
-                sum += f64::from(*value);
-                count += 1;
-            }
-        }
-        if count > 0 { (sum / f64::from(count)) as f32 } else { f32::NAN }
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -157,13 +135,5 @@ mod tests {
         assert_eq!(Samples::new(None, Some(shares)), Samples::Unknown);
         let numbers = Plane::from_vec(2, 1, vec![4.0, 8.0]).unwrap();
         assert_eq!(Samples::new(Some(64.0), Some(numbers.clone())), Samples::PerPixel(numbers));
-    }
-
-    #[test]
-    fn halves_give_the_variance_of_their_mean() {
-        // A − B is ±2 everywhere: the variance of the mean is 1, also where a pixel is broken.
-        let a = Plane::from_fn(9, 6, |x, y| if (x, y) == (4, 3) { f32::NAN } else { (x + y) as f32 });
-        let b = Plane::from_fn(9, 6, |x, y| (x + y) as f32 + if x % 2 == 0 { 2.0 } else { -2.0 });
-        assert_eq!(from_halves(&a, &b), Plane::filled(9, 6, 1.0));
     }
 }

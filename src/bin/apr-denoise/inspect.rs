@@ -32,9 +32,10 @@ pub fn describe(picture: &Picture, options: &Options, json: bool) -> Result<Stri
 /// What of the pipeline this input calls for.
 fn would_run(picture: &Picture) -> Vec<&'static str> {
     let frame = picture.frame();
-    let variance = match frame.color_var_of_mean() {
-        Some(_) => "fits weighted by the variance",
-        None => "fits weighted by a variance estimated from the picture",
+    let variance = match (frame.color_var_of_mean(), frame.halves()) {
+        (Some(_), _) => "fits weighted by the variance",
+        (None, Some(_)) => "fits weighted by a variance estimated from the half buffers",
+        (None, None) => "fits weighted by a variance estimated from the picture",
     };
     let halves = frame.halves().map(|_| "checks across half buffers");
     let features = match frame.features().is_empty() {

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use apr::denoise::Stage;
 use apr::error::{Error, ErrorKind, Result};
-use apr::image::Plane;
 use apr::io::{Layout, Picture};
 use apr::{Denoised, Frame, Options, Summary};
 use serde::Serialize;
@@ -38,7 +37,7 @@ struct Skipped {
 /// Mean squared error over the picture's pixels and channels, as far as it can be estimated.
 #[derive(Serialize)]
 struct EstimatedError {
-    /// The input's variance; none where the input had none.
+    /// The input's, from its variance or its half buffers; none where it has neither.
     mse_before: Option<f64>,
     /// The result's.
     mse_after: f64,
@@ -115,12 +114,8 @@ impl EstimatedError {
             let of = |i: usize| error(i) / if relative { brightness(i).powi(2) + EPSILON } else { 1.0 };
             (0..count).map(of).filter(|e| e.is_finite()).sum::<f64>() / count as f64
         };
-        let before = |relative| {
-            let variance = frame.color_var_of_mean()?;
-            let at =
-                |i: usize| variance.iter().map(|plane: &Plane| f64::from(plane.data()[i])).sum::<f64>() / 3.0;
-            Some(mean(&at, relative))
-        };
+        let input = input_error(frame);
+        let before = |relative| input.as_ref().map(|at| mean(at, relative));
         let after = |i: usize| f64::from(denoised.mse.data()[i]);
         Self {
             mse_before: before(false),
@@ -128,5 +123,17 @@ impl EstimatedError {
             relative_before: before(true),
             relative_after: mean(&after, true),
         }
+    }
+}
+
+/// The input's squared error at a pixel: its variance, or that of the mean of two halves, `(A−B)²/4`.
+fn input_error(frame: &Frame) -> Option<Box<dyn Fn(usize) -> f64 + '_>> {
+    let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| f64::from(of(c))).sum::<f64>() / 3.0;
+    match (frame.color_var_of_mean(), frame.halves()) {
+        (Some(variance), _) => Some(Box::new(move |i| mean(&|c| variance[c].data()[i]))),
+        (None, Some([a, b])) => {
+            Some(Box::new(move |i| mean(&|c| (a[c].data()[i] - b[c].data()[i]).powi(2) / 4.0)))
+        }
+        (None, None) => None,
     }
 }
