@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
 use exr::prelude::Compression;
-use exr_files::{channels, layer, scan_lines, write_one};
+use exr_files::{channels, float, layer, scan_lines, write_one};
 
 fn start(input: &Path, output: &Path) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
@@ -25,12 +25,17 @@ fn send(signal: &str, child: &Child) {
     Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
 }
 
-/// A picture whose writing takes a while, for it compresses badly.
+/// A picture without noise, so that the run is mostly reading and writing, and with many channels, so
+/// that the writing takes a while.
 fn render(path: &Path) {
     let size = (96, 64);
     let names: Vec<String> = (0..40).map(|i| format!("other{i}.Y")).collect();
     let all: Vec<&str> = ["R", "G", "B"].into_iter().chain(names.iter().map(String::as_str)).collect();
-    write_one(path, layer(None, size, (0, 0), scan_lines(Compression::PIZ), channels(size, &all)));
+    let mut all = channels(size, &all);
+    all.extend(
+        ["variance.R", "variance.G", "variance.B"].map(|name| float(name, vec![0.0; size.0 * size.1])),
+    );
+    write_one(path, layer(None, size, (0, 0), scan_lines(Compression::PIZ), all));
 }
 
 #[test]
