@@ -395,6 +395,9 @@ fn renderers_with_one_file_per_buffer_are_read_from_the_folder() {
     buffer("y_normal.exr", &rgb);
     let options = ReadOptions { profile: Some(Renderer::Tungsten), ..ReadOptions::default() };
     let tungsten = Picture::read(folder.path().join("x_color.exr"), &options).unwrap();
+    let unasked = Picture::read(folder.path().join("x_color.exr"), &ReadOptions::default()).unwrap();
+    assert!(unasked.frame().features().is_empty());
+    assert!(unasked.layout().notes[0].contains("--profile tungsten"), "{:?}", unasked.layout().notes);
     let found: Vec<String> =
         tungsten.layout().roles.iter().map(|role| format!("{} {}", role.role, role.statistic)).collect();
     let expected = [

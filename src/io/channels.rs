@@ -340,7 +340,6 @@ pub(super) const COMPANIONS: &[CompanionRow] = &[
 
     companion(Renderer::Pbrt, Of::Color, "Variance", OF_SAMPLE),
 
-    // [choice] Arnold does not document the scale of `variance_filter`; noice divides by nothing.
     companion(Renderer::Arnold, Of::Color, "variance", OF_MEAN),
 
     companion(Renderer::RenderMan, Of::Color,    "mse",    OF_MEAN),
@@ -351,6 +350,13 @@ pub(super) const COMPANIONS: &[CompanionRow] = &[
     companion(Renderer::Tungsten, Of::Both, "{}A",        Statistic::HalfA),
     companion(Renderer::Tungsten, Of::Both, "{}B",        Statistic::HalfB),
 ];
+
+/// [choice] Variances whose scale their renderer does not document, and what they are taken for.
+pub(super) const UNSURE: &[(Renderer, &str)] = &[(
+    Renderer::Arnold,
+    "Arnold does not document the scale of its variance: it is taken for that of the mean; if the result is \
+     too smooth or too noisy, try --variance-kind sample or stddev",
+)];
 
 /// How a file tells who wrote it; the first mark that is there decides. Renderers that write one
 /// file per buffer leave no mark and must be named.

@@ -32,6 +32,7 @@ mod limits;
 mod mapping;
 mod own;
 mod picture;
+mod recognize;
 mod rewrite;
 mod roles;
 mod siblings;

@@ -3,19 +3,20 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use exr::meta::attribute::{AttributeValue, IntegerBounds};
-use exr::meta::header::Header;
+use exr::meta::attribute::IntegerBounds;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
-use super::channels::{COUNTS, CountAs, MARKS, Mark, Renderer, Statistic, VarianceKind, match_layer};
+use super::channels::{Renderer, Role, Statistic, UNSURE, VarianceKind};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::halves::merge_halves;
-use super::layers::{Channel, Layer, buffer_prefix, first_with_rgb, gather};
+use super::layers::{Channel, Layer, buffer_prefix};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, find, target};
+use super::recognize::{detect, layers, samples_in};
 use super::rewrite::{Addition, Replacement, rewrite};
-use super::roles::{Candidate, Casting, Choice, settle};
+use super::roles::{Candidate, Casting, Choice, has_variance, settle};
+use super::siblings::{buffers_beside, is_buffer};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rgb};
@@ -113,7 +114,14 @@ impl Picture {
         let roles = cast.choices.iter().map(|choice| describe(choice, &documents, &planes)).collect();
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
         note_windows(&documents, &cast.choices, window, &mut remarks);
+        if options.variance_kind.is_none() && has_variance(&cast.choices) {
+            let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
+            remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
+        }
         note_other_colors(&casting.other_colors(&color), &mut remarks);
+        if renderer == Renderer::Plain {
+            note_buffers_beside(path, &mut remarks);
+        }
         let header = &documents[0].headers()[color.mean.channels[0].at.part];
         let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
         let frame = assemble(&cast.choices, Planes::new(planes, &cast.choices), given, &mut remarks)?;
@@ -140,58 +148,11 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
     if let Some(renderer) = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer()) {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
         let prefix = buffer_prefix(&name, renderer);
-        for sibling in super::siblings::buffers_beside(path, &prefix, renderer) {
+        for sibling in buffers_beside(path, &prefix, renderer) {
             documents.push(Document::open(&sibling)?);
         }
     }
     Ok(documents)
-}
-
-/// All layers. Where none has a name that a colour may have, the first part with R, G and B is the
-/// picture's own, whatever it is called.
-fn layers(documents: &[Document], one_file_per_buffer: Option<Renderer>) -> Vec<Layer> {
-    let named = gather(documents, one_file_per_buffer, None);
-    let renderer = one_file_per_buffer.unwrap_or_else(|| detect(&documents[0], &named));
-    let found = Casting::new(&named, renderer, &[]).color().is_some();
-    match first_with_rgb(&documents[0]).filter(|_| !found) {
-        Some(part) => gather(documents, one_file_per_buffer, Some(part)),
-        None => named,
-    }
-}
-
-/// Who wrote the file, by the marks of the channel map.
-fn detect(document: &Document, layers: &[Layer]) -> Renderer {
-    let header = &document.headers()[0];
-    let attributes = || header.own_attributes.other.iter();
-    let marked = |mark: Mark| {
-        match mark {
-        Mark::Attribute(start) => attributes().any(|(name, _)| name.to_string().starts_with(start)),
-        Mark::Text(wanted, start) => attributes().any(|(name, value)| {
-            matches!(value, AttributeValue::Text(text) if *name == *wanted && text.to_string().starts_with(start))
-        }),
-        Mark::Layer(pattern) => layers.iter().any(|layer| match_layer(pattern, &layer.name).is_some()),
-    }
-    };
-    MARKS.iter().find(|(_, mark)| marked(*mark)).map_or(Renderer::Plain, |(renderer, _)| *renderer)
-}
-
-/// Samples per pixel according to the header.
-fn samples_in(header: &Header) -> Option<f32> {
-    let number = |value: &AttributeValue| match value {
-        AttributeValue::I32(n) => Some(*n as f32),
-        AttributeValue::F32(n) => Some(*n),
-        AttributeValue::F64(n) => Some(*n as f32),
-        AttributeValue::Text(text) => text.to_string().trim().parse().ok(),
-        _ => None,
-    };
-    COUNTS.iter().find_map(|&(start, end, count_as)| {
-        header.own_attributes.other.iter().find_map(|(name, value)| {
-            let name = name.to_string();
-            let fits = name.starts_with(start) && name.ends_with(end) && (!end.is_empty() || name == start);
-            let n = number(value).filter(|n| fits && *n > 0.0)?;
-            Some(if count_as == CountAs::Root { n * n } else { n })
-        })
-    })
 }
 
 fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
@@ -203,7 +164,7 @@ fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer
     });
     let choices: Vec<Choice> = choices.collect::<Result<_>>()?;
     match choices.iter().find(|choice| {
-        choice.target.role == super::channels::Role::Color
+        choice.target.role == Role::Color
             && choice.target.statistic == Statistic::Mean
             && choice
                 .channels
@@ -292,6 +253,20 @@ fn note_other_colors(others: &[String], remarks: &mut Remarks) {
             "'{}' could be the colour as well and passes through; choose it by --map color=…",
             others.join("', '")
         ));
+    }
+}
+
+/// A renderer that writes one file per buffer leaves no mark, but its other files may lie there.
+fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    for (profile, renderer) in Renderer::NAMES.iter().filter(|(_, r)| r.writes_one_file_per_buffer()) {
+        let prefix = buffer_prefix(&name, *renderer);
+        let is_color = name.len() > prefix.len() && is_buffer(&name[prefix.len()..], *renderer);
+        if is_color && !buffers_beside(path, &prefix, *renderer).is_empty() {
+            remarks
+                .notes
+                .push(format!("further buffers lie beside the file: --profile {profile} reads them"));
+        }
     }
 }
 

@@ -295,7 +295,8 @@ pub(super) fn settle<'p>(
     cast
 }
 
-fn has_variance(choices: &[Choice]) -> bool {
+/// Whether the colour has a variance of any kind.
+pub(super) fn has_variance(choices: &[Choice]) -> bool {
     choices.iter().any(|choice| {
         choice.target.role == Role::Color && matches!(choice.target.statistic, Statistic::Variance(_))
     })

@@ -22,7 +22,7 @@ pub(super) fn buffers_beside(color: &Path, prefix: &str, renderer: Renderer) -> 
 }
 
 /// Whether a layer, or a statistic of it, has this name.
-fn is_buffer(name: &str, renderer: Renderer) -> bool {
+pub(super) fn is_buffer(name: &str, renderer: Renderer) -> bool {
     LAYERS.iter().filter(|row| row.renderer == renderer).any(|layer| {
         let statistics = COMPANIONS.iter().filter(|row| row.renderer == renderer);
         let names = statistics.map(|row| row.layer.replace("{}", layer.layer));
