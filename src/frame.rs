@@ -9,7 +9,8 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
 
 /// What a feature buffer describes; the name under which reports and maps list it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum FeatureKind {
     /// Surface normal, 3 planes, any space.
     Normal,

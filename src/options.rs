@@ -1,8 +1,225 @@
 //! Every tunable of the denoiser, each with its one default.
 
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};
 
-/// Options of [`crate::denoise::denoise`].
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+/// Options of [`crate::denoise()`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Options {}
+pub struct Options {
+    /// Radius of the windows Ω_c in pixels, 1 to 15; 7 is 15×15.
+    pub window_radius: usize,
+    /// Distance between the centres of the grid in pixels, 1 to 15; 1 puts a centre on every pixel.
+    pub center_spacing: usize,
+    /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself.
+    pub min_coverage: f32,
+    /// Highest polynomial order in pixel position, 0 to 3.
+    pub max_order: usize,
+    /// How the order is chosen.
+    pub order_choice: OrderChoice,
+    /// The first stage's risk as published (y put for μ) instead of the unbiased one (SURE).
+    pub plain_first_stage: bool,
+    /// The kernels of every stage; their fits all join one average.
+    pub stages: Vec<Vec<Kernel>>,
+    /// Kinds of features that enter the fit.
+    pub features: Vec<FeatureKind>,
+    /// The outlier step.
+    pub outliers: OutlierOptions,
+    /// The filter of noisy features.
+    pub prefilter: PrefilterOptions,
+    /// The weight of every sample in its fit is divided by 1 + this × its variance over the window's
+    /// mean variance; 0 leaves it out.
+    pub noise_weight: f32,
+    /// Radius over which the colour's variance is averaged before the fit uses it.
+    pub variance_radius: usize,
+    /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
+    pub risk_power: f32,
+    /// Radiance, in units of the picture's exposure, under which errors count as absolute, not as
+    /// relative ones. Its square is the floor of the risks.
+    pub dark_level: f32,
+    /// Added to the albedo before a demodulated kernel divides by it.
+    pub albedo_floor: f32,
+    /// Restore what the residual shows to be more than noise.
+    pub restore: bool,
+}
+
+/// One family of weights.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kernel {
+    /// Radius of the patches that are compared, 0 to 3; 1 is 3×3.
+    pub patch_radius: usize,
+    /// Bandwidth k: distances are divided by k².
+    pub bandwidth: f32,
+    /// Compare and fit colour over albedo instead of colour, where there is an albedo.
+    #[serde(default)]
+    pub demodulate: bool,
+}
+
+/// How the order of a fit is chosen from the risks ξ_k.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OrderChoice {
+    /// The order with the least risk (Moon et al. 2016).
+    Hard,
+    /// All orders, weighted by exp(−2 (ξ_k / ξ_min − 1)).
+    Soft,
+    /// Every orthonormal component is shrunk by its own signal-to-noise ratio.
+    Shrink,
+}
+
+/// Options of the outlier step.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct OutlierOptions {
+    /// Take outliers out at all.
+    pub enabled: bool,
+    /// Radius of the neighbourhood that is the witness, 1 to 3.
+    pub radius: usize,
+    /// Standard deviations of the neighbours by which an outlier sticks out.
+    pub deviations: f32,
+    /// Radius of the window Ω_o that the energy is given back to, 0 to 31.
+    pub energy_radius: usize,
+}
+
+/// Options of the feature prefilter (NLM, Rousselle, Knaus, Zwicker 2012).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PrefilterOptions {
+    /// Filter features that come with a variance.
+    pub enabled: bool,
+    /// Radius of the search window.
+    pub window_radius: usize,
+    /// Radius of the patches.
+    pub patch_radius: usize,
+    /// Bandwidth k.
+    pub bandwidth: f32,
+}
+
+impl Default for OutlierOptions {
+    fn default() -> Self {
+        Self { enabled: true, radius: 1, deviations: 20.0, energy_radius: 31 }
+    }
+}
+
+impl Default for PrefilterOptions {
+    fn default() -> Self {
+        Self { enabled: true, window_radius: 5, patch_radius: 3, bandwidth: 0.5 }
+    }
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        let kernel = |patch_radius, bandwidth, demodulate| Kernel { patch_radius, bandwidth, demodulate };
+        let color = vec![kernel(1, 0.6, false), kernel(1, 1.2, false), kernel(3, 1.0, false)];
+        let albedo = vec![kernel(1, 1.2, true), kernel(3, 1.0, true)];
+        Self {
+            window_radius: 7,
+            center_spacing: 4,
+            min_coverage: 1.0,
+            max_order: 3,
+            order_choice: OrderChoice::Shrink,
+            plain_first_stage: false,
+            stages: vec![color.clone(), [color, albedo].concat()],
+            features: vec![FeatureKind::Normal, FeatureKind::Albedo, FeatureKind::Depth, FeatureKind::Other],
+            outliers: OutlierOptions::default(),
+            prefilter: PrefilterOptions::default(),
+            noise_weight: 0.5,
+            variance_radius: 2,
+            risk_power: 0.5,
+            dark_level: 0.4,
+            albedo_floor: 0.05,
+            restore: true,
+        }
+    }
+}
+
+impl Options {
+    /// The method as published, where the paper decides: y for μ in the first stage, one bandwidth, the
+    /// order with the least risk, plain overlap average, outliers by the neighbours' 3σ.
+    pub fn published() -> Self {
+        let kernels = vec![Kernel { patch_radius: 3, bandwidth: 1.0, demodulate: false }];
+        Self {
+            plain_first_stage: true,
+            order_choice: OrderChoice::Hard,
+            stages: vec![kernels.clone(), kernels],
+            noise_weight: 0.0,
+            risk_power: 0.0,
+            restore: false,
+            outliers: OutlierOptions { deviations: 3.0, ..OutlierOptions::default() },
+            ..Self::default()
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`] names the option, what it is and what it may be.
+    pub fn check(&self) -> Result<()> {
+        let range = |name: &str, value: usize, low: usize, high: usize| {
+            if (low..=high).contains(&value) {
+                return Ok(());
+            }
+            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
+                .remedy(format!("give {low} to {high}")))
+        };
+        let positive = |name: &str, value: f32, zero: bool| {
+            if value.is_finite() && (value > 0.0 || zero && value == 0.0) {
+                return Ok(());
+            }
+            let least = if zero { "0 or more" } else { "more than 0" };
+            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
+                .remedy(format!("give a number that is {least}")))
+        };
+        range("window_radius", self.window_radius, 1, 15)?;
+        range("center_spacing", self.center_spacing, 1, 15)?;
+        range("max_order", self.max_order, 0, 3)?;
+        range("stages", self.stages.len(), 1, 8)?;
+        for kernel in self.stages.iter().flatten() {
+            range("patch_radius", kernel.patch_radius, 0, 3)?;
+            positive("bandwidth", kernel.bandwidth, false)?;
+        }
+        for kernels in &self.stages {
+            range("kernels of a stage", kernels.len(), 1, 16)?;
+        }
+        range("variance_radius", self.variance_radius, 0, 15)?;
+        range("outliers.radius", self.outliers.radius, 1, 3)?;
+        range("outliers.energy_radius", self.outliers.energy_radius, 0, 31)?;
+        positive("outliers.deviations", self.outliers.deviations, true)?;
+        range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
+        range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
+        positive("prefilter.bandwidth", self.prefilter.bandwidth, false)?;
+        positive("min_coverage", self.min_coverage, true)?;
+        positive("noise_weight", self.noise_weight, true)?;
+        positive("risk_power", self.risk_power, true)?;
+        positive("dark_level", self.dark_level, false)?;
+        positive("albedo_floor", self.albedo_floor, false)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_built_in_passes_its_own_check() {
+        assert_eq!(Options::default().check(), Ok(()));
+        assert_eq!(Options::published().check(), Ok(()));
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_named() {
+        let error = Options { window_radius: 99, ..Options::default() }.check().unwrap_err();
+        assert_eq!(error.to_string(), "option 'window_radius' is 99; give 1 to 15");
+        let error = Options { dark_level: f32::NAN, ..Options::default() }.check().unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+    }
+
+    #[test]
+    fn options_survive_json_and_unknown_ones_are_refused() {
+        let text = serde_json::to_string(&Options::default()).unwrap();
+        assert_eq!(serde_json::from_str::<Options>(&text).unwrap(), Options::default());
+        assert!(serde_json::from_str::<Options>("{\"window\": 3}").is_err());
+    }
+}

@@ -1,9 +1,29 @@
 //! The denoiser: the only place that knows the order of the stages.
 
+mod basis;
+mod exposure;
+mod fit;
+mod gram;
+mod nlm;
+mod outlier;
+mod prefilter;
+mod reconstruct;
+mod restore;
+mod risk;
+mod sanitize;
+mod solver;
+mod variance;
+mod weights;
+mod window;
+
 use crate::error::Result;
-use crate::frame::{Denoised, Frame, Summary};
-use crate::image::Plane;
+use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
+use crate::image::{Plane, Rgb};
 use crate::options::Options;
+use basis::Basis;
+use sanitize::Clean;
+use solver::{Demodulation, Problem};
+use weights::Guide;
 
 /// The stages of a run, in order, for progress and timing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -16,7 +36,7 @@ pub enum Stage {
     Prefilter,
     /// Fits of stage `n`, counted from 1.
     Fit(usize),
-    /// The outliers' energy is given back.
+    /// What the fit lost is restored and the outliers' energy is given back.
     Energy,
 }
 
@@ -45,14 +65,180 @@ pub fn denoise(frame: &Frame, options: &Options) -> Result<Denoised> {
 ///
 /// # Errors
 /// When an option is out of its range.
-pub fn denoise_observed(frame: &Frame, _options: &Options, observer: &dyn Observer) -> Result<Denoised> {
+pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observer) -> Result<Denoised> {
+    options.check()?;
+    let mut summary = Summary::default();
+
+    // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
+    let mut clean = sanitize::apply(frame, &mut summary);
+    let mut variance = variance::of_mean(&clean, &mut summary);
+    if variance.iter().flat_map(Plane::data).all(|&v| v == 0.0) {
+        summary.notes.push("nothing to do: the picture has no noise (its variance is 0 everywhere)".into());
+        return Ok(unchanged(frame, clean, summary));
+    }
+    let exposure = exposure::scale(&clean.color);
+    expose(&mut clean, &mut variance, exposure);
+
+    // Outliers go, their energy is kept (Moon et al. 2016; method.md §1).
+    observer.stage(Stage::Outliers);
+    let outliers = if options.outliers.enabled {
+        outlier::find(&clean.color, &variance, clean.halves.as_ref(), &options.outliers)
+    } else {
+        vec![]
+    };
+    variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
+    let taken: Vec<Vec<f32>> =
+        targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
+    summary.outliers = outliers.len();
+    summary.energy_moved =
+        std::array::from_fn(|c| taken[c].iter().map(|&e| f64::from(e)).sum::<f64>() / f64::from(exposure));
+
+    observer.stage(Stage::Prefilter);
+    let (features, albedo) = design_features(&clean, options, &mut summary);
+    let smoothed: Rgb = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
+
+    // Multi-stage reconstruction: y for μ at first, then the stage before (method.md §1, §2).
+    let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
+    let basis = Basis::new(options.window_radius, features.len(), options.max_order);
+    let mut stage: Option<reconstruct::Stage> = None;
+    for (n, kernels) in options.stages.iter().enumerate() {
+        observer.stage(Stage::Fit(n + 1));
+        let last = n + 1 == options.stages.len();
+        let pilot = stage.as_ref().map(reconstruct::Stage::color);
+        let problem = Problem {
+            // Only the last stage's operator is applied to the AOVs.
+            targets: targets(&clean).take(if last { usize::MAX } else { 3 }).collect(),
+            variance: &smoothed,
+            pilot: pilot.as_ref(),
+            features: &features,
+            guide: &guides.color,
+            albedo: albedo
+                .as_ref()
+                .zip(guides.irradiance.as_ref())
+                .map(|(albedo, guide)| Demodulation { albedo, guide }),
+            basis: &basis,
+            options,
+        };
+        let result = reconstruct::run(&problem, kernels, &|done| observer.progress(done));
+        summary.centres += result.fits;
+        summary.coverage_centres += result.coverage_fits;
+        summary.orders = result.orders;
+        stage = Some(result);
+    }
+    let mut result = stage.expect("the options' check wants at least one stage");
+
+    observer.stage(Stage::Energy);
+    if options.restore {
+        let shares = restore::shares(&clean.color, &result.color(), &smoothed);
+        for (plane, noisy) in result.targets.iter_mut().zip(targets(&clean)) {
+            restore::apply(plane, noisy, &shares);
+        }
+        restore::apply(&mut result.mse, &mean(&smoothed), &shares);
+    }
+    let beauty = result.color();
+    for (t, (plane, taken)) in result.targets.iter_mut().zip(&taken).enumerate() {
+        outlier::give_back(plane, &beauty[t % 3], &outliers, taken, options.outliers.energy_radius);
+    }
+    result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
+    exposure::expose(&mut result.mse, exposure.recip().powi(2));
+    result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
+    Ok(assemble(frame, result, summary))
+}
+
+/// Guides for the weights: the noisy colour, and colour over albedo where a kernel asks for it.
+struct Guides {
+    color: Guide,
+    irradiance: Option<Guide>,
+}
+
+impl Guides {
+    fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
+        let patch = options.stages.iter().flatten().map(|kernel| kernel.patch_radius).max().unwrap_or(0);
+        let guide = |color: &Rgb, variance: &Rgb| Guide::new(color, variance, options.window_radius, patch);
+        let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
+        let irradiance = albedo.filter(|_| wanted).map(|albedo| {
+            let over = |a: &Plane, b: &Plane| {
+                Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
+            };
+            let irradiance: Rgb = std::array::from_fn(|c| over(&color[c], &albedo[c]));
+            let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));
+            guide(&irradiance, &noise)
+        });
+        Self { color: guide(color, variance), irradiance }
+    }
+}
+
+/// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
+/// floor added, that demodulated kernels divide by.
+fn design_features(clean: &Clean, options: &Options, summary: &mut Summary) -> (Vec<Plane>, Option<Rgb>) {
+    let mut planes = vec![];
+    let mut albedo = None;
+    for feature in clean.features.iter().filter(|f| options.features.contains(&f.kind)) {
+        let filtered = prefilter::apply(feature, &options.prefilter);
+        if let (FeatureKind::Albedo, [r, g, b]) = (feature.kind, &filtered[..]) {
+            let floored = |plane: &Plane| {
+                Plane::from_fn(plane.width(), plane.height(), |x, y| {
+                    plane.get(x, y).max(0.0) + options.albedo_floor
+                })
+            };
+            albedo.get_or_insert_with(|| [floored(r), floored(g), floored(b)]);
+        }
+        for (i, plane) in filtered.into_iter().enumerate() {
+            let name = format!("{}.{i}", feature.name);
+            if plane.data().iter().all(|v| *v == plane.data()[0]) {
+                summary.notes.push(format!("feature {name}: left out, it is constant"));
+            } else {
+                summary.columns.push(name);
+                planes.push(plane);
+            }
+        }
+    }
+    (planes, albedo)
+}
+
+/// The planes to reconstruct: the colour's, then every AOV's.
+fn targets(clean: &Clean) -> impl Iterator<Item = &Plane> {
+    clean.color.iter().chain(clean.aovs.iter().flatten())
+}
+
+fn targets_mut(clean: &mut Clean) -> impl Iterator<Item = &mut Plane> {
+    clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten())
+}
+
+fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
+    targets_mut(clean).for_each(|plane| exposure::expose(plane, factor));
+    for plane in clean.halves.iter_mut().flatten().flatten() {
+        exposure::expose(plane, factor);
+    }
+    for plane in variance {
+        exposure::expose(plane, factor);
+        exposure::expose(plane, factor);
+    }
+}
+
+fn mean(planes: &Rgb) -> Plane {
+    let (width, height) = planes[0].size();
+    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0)
+}
+
+fn unchanged(frame: &Frame, clean: Clean, summary: Summary) -> Denoised {
     let (width, height) = (frame.width(), frame.height());
-    Ok(Denoised {
-        color: frame.color().clone(),
-        aovs: frame.aovs().to_vec(),
+    let names = frame.aovs().iter().map(|aov| aov.name.clone());
+    Denoised {
+        color: clean.color,
+        aovs: names.zip(clean.aovs).map(|(name, color)| Aov { name, color }).collect(),
         mse: Plane::filled(width, height, 0.0),
         order: Plane::filled(width, height, 0.0),
-        summary: Summary::default(),
-    })
+        summary,
+    }
+}
+
+fn assemble(frame: &Frame, result: reconstruct::Stage, summary: Summary) -> Denoised {
+    let mut planes = result.targets.into_iter();
+    let mut next =
+        || -> Rgb { std::array::from_fn(|_| planes.next().expect("three planes for every picture")) };
+    let color = next();
+    let aovs = frame.aovs().iter().map(|aov| Aov { name: aov.name.clone(), color: next() }).collect();
+    Denoised { color, aovs, mse: result.mse, order: result.order, summary }
 }

@@ -1,0 +1,213 @@
+//! The hot kernel: weighted Gram matrices of one window.
+//!
+//! For the columns x_0 … x_{p−1} of the design, the right-hand sides that follow them, weights w and
+//! noise variances σ² it accumulates (method of one factorisation for every order)
+//!
+//! - A = Σ w x xᵀ, lower triangle, p × p
+//! - B = Σ w² σ² x xᵀ, lower triangle, p × p
+//! - b = Σ w x y for every right-hand side y, r × p
+//!
+//! in `f32` lanes: a window has some hundred pixels, so a lane adds a few dozen products and the sums
+//! are good to about 1e-6 of √(A_ii A_jj). The fit's pivot threshold is three orders above that.
+//! [`scalar`] is the readable twin, in `f64`; the test compares the two.
+
+use pulp::{Arch, Simd, WithSimd};
+
+/// Columns are stored with a stride that is a multiple of this many samples, zero padded: the widest
+/// vector (AVX-512) holds 16.
+pub const LANES: usize = 16;
+
+/// The columns of one window: `p` design columns, then `r` right-hand sides, each `stride` long.
+#[derive(Debug, Clone, Copy)]
+pub struct Columns<'a> {
+    /// All columns, one behind the other, zero beyond the window's pixels.
+    pub data: &'a [f32],
+    /// Samples from one column to the next; a multiple of [`LANES`].
+    pub stride: usize,
+    /// Number of design columns.
+    pub p: usize,
+    /// Number of right-hand sides.
+    pub r: usize,
+    /// Weights, `stride` long.
+    pub weights: &'a [f32],
+    /// w·σ² per pixel (so that B's factor w²σ² is this times the weight), `stride` long.
+    pub weighted_noise: &'a [f32],
+}
+
+/// The sums of one window; only the lower triangles (`row ≥ column`) of `a` and `b` are filled.
+#[derive(Debug, Clone, Default)]
+pub struct Gram {
+    /// Σ w x xᵀ, row major, p × p.
+    pub a: Vec<f32>,
+    /// Σ w² σ² x xᵀ, row major, p × p.
+    pub b: Vec<f32>,
+    /// Σ w x y, one row of p for every right-hand side.
+    pub rhs: Vec<f32>,
+    /// Scratch: w·x and w²σ²·x of the two columns at hand.
+    products: Vec<f32>,
+}
+
+/// Fills `gram` from `columns` with the widest vectors that `arch` offers.
+pub fn accumulate(arch: Arch, columns: Columns<'_>, gram: &mut Gram) {
+    let Columns { p, r, stride, .. } = columns;
+    debug_assert!(stride.is_multiple_of(LANES) && columns.data.len() == (p + r) * stride);
+    gram.a.resize(p * p, 0.0);
+    gram.b.resize(p * p, 0.0);
+    gram.rhs.resize(r * p, 0.0);
+    gram.products.resize(4 * stride, 0.0);
+    arch.dispatch(Kernel { columns, gram });
+}
+
+struct Kernel<'a> {
+    columns: Columns<'a>,
+    gram: &'a mut Gram,
+}
+
+impl WithSimd for Kernel<'_> {
+    type Output = ();
+
+    /// Walks the design columns in pairs (i, i+1) and pairs each with the columns j ≥ i in threes, so
+    /// that 7 loads feed 12 multiply-adds.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Columns { data, stride, p, r, weights, weighted_noise } = self.columns;
+        let Gram { a, b, rhs, products } = self.gram;
+        let column = |j: usize| S::as_simd_f32s(&data[j * stride..(j + 1) * stride]).0;
+        let (w, wn) = (S::as_simd_f32s(weights).0, S::as_simd_f32s(weighted_noise).0);
+
+        let mut i = 0;
+        while i < p {
+            let second = (i + 1).min(p - 1); // an odd last column is paired with itself
+            let (u, v) = products.split_at_mut(2 * stride);
+            {
+                let (u0, u1) = S::as_mut_simd_f32s(u).0.split_at_mut(w.len());
+                let (v0, v1) = S::as_mut_simd_f32s(v).0.split_at_mut(w.len());
+                let (x0, x1) = (column(i), column(second));
+                for k in 0..w.len() {
+                    u0[k] = simd.mul_f32s(w[k], x0[k]);
+                    u1[k] = simd.mul_f32s(w[k], x1[k]);
+                    v0[k] = simd.mul_f32s(wn[k], u0[k]);
+                    v1[k] = simd.mul_f32s(wn[k], u1[k]);
+                }
+            }
+            let (u0, u1) = S::as_simd_f32s(u).0.split_at(w.len());
+            let (v0, v1) = S::as_simd_f32s(v).0.split_at(w.len());
+            let mut j = i;
+            while j < p {
+                let at = [j, (j + 1).min(p - 1), (j + 2).min(p - 1)];
+                let x = at.map(column);
+                let sums = dots12(simd, [u0, u1, v0, v1], x);
+                for (n, &row) in at.iter().enumerate() {
+                    a[row * p + i] = simd.reduce_sum_f32s(sums[n]);
+                    b[row * p + i] = simd.reduce_sum_f32s(sums[6 + n]);
+                    if row >= second {
+                        a[row * p + second] = simd.reduce_sum_f32s(sums[3 + n]);
+                        b[row * p + second] = simd.reduce_sum_f32s(sums[9 + n]);
+                    }
+                }
+                j += 3;
+            }
+            for t in 0..r {
+                let sums = dots2(simd, [u0, u1], column(p + t));
+                rhs[t * p + i] = simd.reduce_sum_f32s(sums[0]);
+                rhs[t * p + second] = simd.reduce_sum_f32s(sums[1]);
+            }
+            i += 2;
+        }
+    }
+}
+
+/// The twelve dot products of four columns with three, index `3·left + right`.
+#[inline(always)]
+fn dots12<S: Simd>(simd: S, left: [&[S::f32s]; 4], right: [&[S::f32s]; 3]) -> [S::f32s; 12] {
+    let mut sums = [simd.splat_f32s(0.0); 12];
+    let [l0, l1, l2, l3] = left;
+    let [r0, r1, r2] = right;
+    for ((((((&l0, &l1), &l2), &l3), &r0), &r1), &r2) in
+        l0.iter().zip(l1).zip(l2).zip(l3).zip(r0).zip(r1).zip(r2)
+    {
+        sums[0] = simd.mul_add_e_f32s(l0, r0, sums[0]);
+        sums[1] = simd.mul_add_e_f32s(l0, r1, sums[1]);
+        sums[2] = simd.mul_add_e_f32s(l0, r2, sums[2]);
+        sums[3] = simd.mul_add_e_f32s(l1, r0, sums[3]);
+        sums[4] = simd.mul_add_e_f32s(l1, r1, sums[4]);
+        sums[5] = simd.mul_add_e_f32s(l1, r2, sums[5]);
+        sums[6] = simd.mul_add_e_f32s(l2, r0, sums[6]);
+        sums[7] = simd.mul_add_e_f32s(l2, r1, sums[7]);
+        sums[8] = simd.mul_add_e_f32s(l2, r2, sums[8]);
+        sums[9] = simd.mul_add_e_f32s(l3, r0, sums[9]);
+        sums[10] = simd.mul_add_e_f32s(l3, r1, sums[10]);
+        sums[11] = simd.mul_add_e_f32s(l3, r2, sums[11]);
+    }
+    sums
+}
+
+/// The two dot products of two columns with one.
+#[inline(always)]
+fn dots2<S: Simd>(simd: S, left: [&[S::f32s]; 2], right: &[S::f32s]) -> [S::f32s; 2] {
+    let mut sums = [simd.splat_f32s(0.0); 2];
+    for ((&l0, &l1), &y) in left[0].iter().zip(left[1]).zip(right) {
+        sums[0] = simd.mul_add_e_f32s(l0, y, sums[0]);
+        sums[1] = simd.mul_add_e_f32s(l1, y, sums[1]);
+    }
+    sums
+}
+
+/// The readable twin of [`accumulate`], summed in `f64`.
+#[cfg(test)]
+pub fn scalar(columns: Columns<'_>) -> Gram {
+    let Columns { data, stride, p, r, weights, weighted_noise } = columns;
+    let x = |j: usize, n: usize| f64::from(data[j * stride + n]);
+    let sum = |f: &dyn Fn(usize) -> f64| (0..stride).map(f).sum::<f64>() as f32;
+    let mut gram = Gram { a: vec![0.0; p * p], b: vec![0.0; p * p], rhs: vec![0.0; r * p], products: vec![] };
+    for i in 0..p {
+        let w = |n: usize| f64::from(weights[n]);
+        for j in i..p {
+            gram.a[j * p + i] = sum(&|n| w(n) * x(i, n) * x(j, n));
+            gram.b[j * p + i] = sum(&|n| w(n) * f64::from(weighted_noise[n]) * x(i, n) * x(j, n));
+        }
+        for t in 0..r {
+            gram.rhs[t * p + i] = sum(&|n| w(n) * x(i, n) * x(p + t, n));
+        }
+    }
+    gram
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tier_agrees_with_the_scalar_twin() {
+        for (p, r, pixels) in [(1, 3, 5), (2, 1, 16), (12, 6, 361), (21, 9, 361)] {
+            let stride = pixels_to_stride(pixels);
+            let mut seed = 1u32;
+            let mut random = || {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                (seed >> 8) as f32 / (1 << 24) as f32 - 0.5
+            };
+            let mut fill = |columns: usize| {
+                let mut data = vec![0.0; columns * stride];
+                for column in data.chunks_mut(stride) {
+                    column[..pixels].fill_with(&mut random);
+                }
+                data
+            };
+            let (data, mut weights, mut noise) = (fill(p + r), fill(1), fill(1));
+            weights.iter_mut().chain(&mut noise).for_each(|w| *w = w.abs());
+            let columns = Columns { data: &data, stride, p, r, weights: &weights, weighted_noise: &noise };
+            let mut fast = Gram::default();
+            accumulate(Arch::new(), columns, &mut fast);
+            let slow = scalar(columns);
+            for (fast, slow) in [(&fast.a, &slow.a), (&fast.b, &slow.b), (&fast.rhs, &slow.rhs)] {
+                for (index, (f, s)) in fast.iter().zip(slow).enumerate() {
+                    assert!((f - s).abs() < 2e-5, "p {p}, entry {index}: {f} against {s}");
+                }
+            }
+        }
+    }
+
+    fn pixels_to_stride(pixels: usize) -> usize {
+        pixels.next_multiple_of(LANES)
+    }
+}

@@ -1,0 +1,170 @@
+//! Energy-preserving outlier removal (Moon et al. 2016; method.md §1 has the equations).
+//!
+//! A pixel is an outlier when its intensity exceeds the mean of its neighbours by many of their
+//! standard deviations. Its colour and its variance are replaced by those of the neighbour with the
+//! median intensity; the energy taken out is remembered and given back after the reconstruction.
+//!
+//! `[choice]` the paper's "computed standard deviation" is read as the neighbours' *and* the pixel's
+//! own must admit that the pixel is a chance event: by the neighbours alone a highlight that every
+//! sample saw is flattened (method.md trap 7). With half buffers, half their difference is a second
+//! witness of the pixel's own deviation: a firefly sits in one half only.
+
+use crate::image::{Plane, Rgb};
+use crate::options::OutlierOptions;
+use rayon::prelude::*;
+
+/// Deviations of its own within which an outlier's excess must lie (Moon et al. 2016 for the number).
+const OWN_DEVIATIONS: f32 = 3.0;
+
+/// Fireflies come in clusters: the brightest of the neighbours, one in this many, does not testify.
+const DISTRUSTED_SHARE: usize = 8;
+
+/// A pixel that was replaced.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Outlier {
+    /// Column.
+    pub x: usize,
+    /// Row.
+    pub y: usize,
+    /// Column and row of the neighbour whose colour it is given.
+    pub from: (usize, usize),
+}
+
+/// Lists the outliers of `color`, row by row.
+pub fn find(
+    color: &Rgb,
+    variance: &Rgb,
+    halves: Option<&[Rgb; 2]>,
+    options: &OutlierOptions,
+) -> Vec<Outlier> {
+    let (width, height) = color[0].size();
+    let intensity =
+        Plane::from_fn(width, height, |x, y| color.iter().map(|c| c.get(x, y)).sum::<f32>() / 3.0);
+    let deviation = Plane::from_fn(width, height, |x, y| {
+        // The channels share their samples: their deviations add, not their variances.
+        let own = variance.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0;
+        let half = halves.map_or(0.0, |[a, b]| {
+            a.iter().zip(b).map(|(a, b)| a.get(x, y) - b.get(x, y)).sum::<f32>().abs() / 6.0
+        });
+        own.max(half)
+    });
+    let rows: Vec<Vec<Outlier>> = (0..height)
+        .into_par_iter()
+        .map(|y| (0..width).filter_map(|x| judge(&intensity, &deviation, x, y, options)).collect())
+        .collect();
+    rows.concat()
+}
+
+fn judge(
+    intensity: &Plane,
+    deviation: &Plane,
+    x: usize,
+    y: usize,
+    options: &OutlierOptions,
+) -> Option<Outlier> {
+    let (width, height) = intensity.size();
+    let mut neighbours = Vec::with_capacity((2 * options.radius + 1).pow(2));
+    for ny in y.saturating_sub(options.radius)..(y + options.radius + 1).min(height) {
+        for nx in x.saturating_sub(options.radius)..(x + options.radius + 1).min(width) {
+            if (nx, ny) != (x, y) {
+                neighbours.push((intensity.get(nx, ny), nx, ny, deviation.get(nx, ny).powi(2)));
+            }
+        }
+    }
+    if neighbours.len() < 3 {
+        return None; // a picture of one row or column of pixels has no witnesses
+    }
+    neighbours.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.2, a.1).cmp(&(b.2, b.1))));
+    let trusted = &neighbours[..neighbours.len() - neighbours.len().div_ceil(DISTRUSTED_SHARE)];
+    let n = trusted.len() as f32;
+    let mean = trusted.iter().map(|t| t.0).sum::<f32>() / n;
+    // Few neighbours may agree by chance: they differ by their own noise at least.
+    let spread = trusted.iter().map(|t| (t.0 - mean).powi(2)).sum::<f32>() / n;
+    let spread = spread.max(trusted.iter().map(|t| t.3).sum::<f32>() / n).sqrt();
+    let excess = intensity.get(x, y) - mean;
+    let chance = excess < OWN_DEVIATIONS * deviation.get(x, y);
+    (chance && excess > options.deviations * spread).then(|| {
+        let median = neighbours[neighbours.len() / 2];
+        Outlier { x, y, from: (median.1, median.2) }
+    })
+}
+
+/// Gives every outlier of `plane` the value of its neighbour, all read before any is written, and
+/// returns what was taken out of each.
+pub fn replace(plane: &mut Plane, outliers: &[Outlier]) -> Vec<f32> {
+    let width = plane.width();
+    let values: Vec<f32> = outliers.iter().map(|o| plane.get(o.from.0, o.from.1)).collect();
+    let taken = outliers.iter().zip(&values).map(|(o, value)| plane.get(o.x, o.y) - value).collect();
+    for (o, value) in outliers.iter().zip(values) {
+        plane.data_mut()[o.y * width + o.x] = value;
+    }
+    taken
+}
+
+/// Gives the energy `taken` from the outliers back to `plane`: + e_o · ŷ(i)/Σ_{Ω_o} ŷ over the window
+/// Ω_o, ŷ being `beauty`, the same channel of the beauty before anything was given back. For the beauty
+/// itself this is ŷ(i) ← ŷ(i) + ρ_o ŷ(i); an AOV shares the beauty's shares, so that sums stay sums.
+pub fn give_back(plane: &mut Plane, beauty: &Plane, outliers: &[Outlier], taken: &[f32], radius: usize) {
+    let (width, height) = plane.size();
+    for (o, &energy) in outliers.iter().zip(taken) {
+        let rows = o.y.saturating_sub(radius)..(o.y + radius + 1).min(height);
+        let columns = o.x.saturating_sub(radius)..(o.x + radius + 1).min(width);
+        let light = |x: usize, y: usize| f64::from(beauty.get(x, y).max(0.0));
+        let sum: f64 =
+            rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))).map(|(x, y)| light(x, y)).sum();
+        let even = 1.0 / (rows.len() * columns.len()) as f64;
+        for y in rows {
+            for x in columns.clone() {
+                let share = if sum > 0.0 { light(x, y) / sum } else { even };
+                plane.data_mut()[y * width + x] += (f64::from(energy) * share) as f32;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(f: impl Fn(usize, usize) -> f32) -> Rgb {
+        std::array::from_fn(|c| Plane::from_fn(12, 9, |x, y| f(x, y) * (1.0 + c as f32)))
+    }
+
+    #[test]
+    fn a_firefly_goes_and_its_energy_comes_back_to_rounding() {
+        let mut color =
+            grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x * 5 + y * 3) % 7) as f32 });
+        let variance = grey(|x, y| if (x, y) == (5, 4) { 900.0 * 900.0 * 2.0 } else { 1e-4 });
+        let options = OutlierOptions::default();
+        let outliers = find(&color, &variance, None, &options);
+        assert_eq!(outliers.iter().map(|o| (o.x, o.y)).collect::<Vec<_>>(), [(5, 4)]);
+        for plane in &mut color {
+            let before: f64 = plane.data().iter().map(|&v| f64::from(v)).sum();
+            let taken = replace(plane, &outliers);
+            assert!(plane.get(5, 4) < 4.0);
+            let beauty = plane.clone();
+            give_back(plane, &beauty, &outliers, &taken, options.energy_radius);
+            let after: f64 = plane.data().iter().map(|&v| f64::from(v)).sum();
+            assert!((after / before - 1.0).abs() < 1e-6, "{before} became {after}");
+        }
+    }
+
+    #[test]
+    fn a_highlight_that_its_own_small_variance_vouches_for_stays() {
+        let color = grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x + y) % 3) as f32 });
+        let variance = grey(|_, _| 1e-2);
+        assert!(find(&color, &variance, None, &OutlierOptions::default()).is_empty());
+        // Half buffers that disagree take the vouching back.
+        let half = |v: f32| grey(move |x, y| if (x, y) == (5, 4) { v } else { 1.0 });
+        let halves = [half(1800.0), half(0.0)];
+        assert_eq!(find(&color, &variance, Some(&halves), &OutlierOptions::default()).len(), 1);
+    }
+
+    #[test]
+    fn energy_over_black_is_spread_evenly() {
+        let mut plane = Plane::filled(3, 3, 0.0);
+        let beauty = plane.clone();
+        give_back(&mut plane, &beauty, &[Outlier { x: 1, y: 1, from: (0, 0) }], &[9.0], 1);
+        assert_eq!(plane.data(), &[1.0; 9]);
+    }
+}

@@ -1,0 +1,29 @@
+//! Noisy features are filtered before the fit sees them.
+//!
+//! A feature's noise may be the colour's own (visibility comes from the very same shadow rays), and a
+//! fit through it reproduces that noise while its risk looks small. NLM over the feature's own planes
+//! (Rousselle, Knaus, Zwicker 2012), weighted by the feature's own variance, takes it out.
+
+use super::nlm;
+use super::variance;
+use super::weights::Guide;
+use crate::frame::Feature;
+use crate::image::Plane;
+use crate::options::PrefilterOptions;
+
+/// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are.
+pub fn apply(feature: &Feature, options: &PrefilterOptions) -> Vec<Plane> {
+    let variances = match (&feature.var_of_mean, &feature.halves) {
+        (Some(given), _) => given.clone(),
+        (None, Some([a, b])) => {
+            a.iter().zip(b).map(|(a, b)| variance::smooth(&variance::from_halves(a, b), 1)).collect()
+        }
+        (None, None) => return feature.planes.clone(),
+    };
+    if !options.enabled || variances.iter().flat_map(Plane::data).all(|&v| v == 0.0) {
+        return feature.planes.clone();
+    }
+    let guide = Guide::new(&feature.planes, &variances, options.window_radius, options.patch_radius);
+    let planes: Vec<&Plane> = feature.planes.iter().collect();
+    nlm::filter(&guide, &planes, options.window_radius, options.patch_radius, options.bandwidth)
+}

@@ -1,0 +1,164 @@
+//! Stage 1: NaN, infinities and values beyond all measure are repaired from their neighbours, counted.
+//!
+//! A pixel whose colour (or one of its AOVs) is bad is repaired in all of them at once, by the mean of
+//! its good neighbours, so that what sums before sums after. Blocks are filled from their rim inwards.
+//! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
+//! the mean.
+
+use crate::frame::{Feature, Frame, Summary};
+use crate::image::{Plane, Rgb};
+
+/// Radiance beyond this is a defect: its square would leave `f32` whatever the exposure.
+const LARGEST_RADIANCE: f32 = 1e32;
+
+/// Variance beyond this is a defect.
+const LARGEST_VARIANCE: f32 = 1e37;
+
+/// Feature values are limited to this, so that their squares stay finite: what is farther is "far".
+const LARGEST_FEATURE: f32 = 1e15;
+
+/// A frame without NaN and infinity.
+#[derive(Debug, Clone)]
+pub struct Clean {
+    /// Noisy colour.
+    pub color: Rgb,
+    /// Variance of the colour's mean, ≥ 0.
+    pub variance: Option<Rgb>,
+    /// Half buffers.
+    pub halves: Option<[Rgb; 2]>,
+    /// Pictures that go through the beauty's operator.
+    pub aovs: Vec<Rgb>,
+    /// Features, their variances ≥ 0.
+    pub features: Vec<Feature>,
+}
+
+/// Repairs `frame` and counts in `summary` what was repaired.
+pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
+    let mut clean = Clean {
+        color: frame.color().clone(),
+        variance: frame.color_var_of_mean().cloned(),
+        halves: frame.halves().cloned(),
+        aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
+        features: frame.features().to_vec(),
+    };
+    let good = |value: f32| value.abs() <= LARGEST_RADIANCE; // false for NaN
+    let mut radiance: Vec<&mut Plane> =
+        clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten()).collect();
+    if let Some(halves) = &mut clean.halves {
+        radiance.extend(halves.iter_mut().flatten());
+    }
+    summary.repaired_color = repair(&mut radiance, good);
+    summary.negative_color = (0..clean.color[0].data().len())
+        .filter(|&i| clean.color.iter().any(|plane| plane.data()[i] < 0.0))
+        .count();
+    if let Some(variance) = &mut clean.variance {
+        let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
+        summary.repaired_variance = repair(&mut planes, |v| (0.0..=LARGEST_VARIANCE).contains(&v));
+    }
+    for feature in &mut clean.features {
+        let mut planes: Vec<&mut Plane> = feature.planes.iter_mut().collect();
+        summary.repaired_features += repair(&mut planes, |v| !v.is_nan());
+        for plane in planes {
+            limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE);
+        }
+        for plane in feature.halves.iter_mut().flatten().flatten() {
+            repair(&mut [plane], |v| !v.is_nan());
+            limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE);
+        }
+        if let Some(variance) = &mut feature.var_of_mean {
+            let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
+            summary.repaired_variance += repair(&mut planes, |v| v >= 0.0);
+            for plane in planes {
+                limit(plane, 0.0, LARGEST_FEATURE * LARGEST_FEATURE);
+            }
+        }
+    }
+    clean
+}
+
+fn limit(plane: &mut Plane, low: f32, high: f32) {
+    plane.data_mut().iter_mut().for_each(|v| *v = v.clamp(low, high));
+}
+
+/// Replaces, in all `planes`, the pixels at which any of them is not `good` by the mean of their good
+/// neighbours, layer by layer from the rim; 0 where the picture has no good pixel. Returns the number
+/// of pixels repaired.
+fn repair(planes: &mut [&mut Plane], good: impl Fn(f32) -> bool) -> usize {
+    let Some((width, height)) = planes.first().map(|plane| plane.size()) else { return 0 };
+    let mut bad: Vec<bool> =
+        (0..width * height).map(|i| planes.iter().any(|plane| !good(plane.data()[i]))).collect();
+    let count = bad.iter().filter(|&&b| b).count();
+    if count == 0 {
+        return 0;
+    }
+    let neighbours = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.flat_map(move |ny| (x.saturating_sub(1)..(x + 2).min(width)).map(move |nx| ny * width + nx))
+    };
+    let mut frontier: Vec<usize> =
+        (0..bad.len()).filter(|&i| bad[i] && neighbours(i).any(|n| !bad[n])).collect();
+    let mut left = count;
+    while !frontier.is_empty() {
+        for plane in planes.iter_mut() {
+            let values: Vec<f32> = frontier
+                .iter()
+                .map(|&i| {
+                    let (mut sum, mut n) = (0.0f64, 0.0);
+                    for neighbour in neighbours(i).filter(|&n| !bad[n]) {
+                        sum += f64::from(plane.data()[neighbour]);
+                        n += 1.0;
+                    }
+                    (sum / n) as f32
+                })
+                .collect();
+            for (&i, value) in frontier.iter().zip(values) {
+                plane.data_mut()[i] = value;
+            }
+        }
+        left -= frontier.len();
+        frontier.iter().for_each(|&i| bad[i] = false);
+        let mut next: Vec<usize> = frontier.iter().flat_map(|&i| neighbours(i)).filter(|&n| bad[n]).collect();
+        next.sort_unstable();
+        next.dedup();
+        frontier = next;
+    }
+    if left > 0 {
+        for plane in planes {
+            plane.data_mut().fill(0.0);
+        }
+    }
+    count
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_of_nan_is_filled_from_its_rim_and_counted() {
+        let mut plane = Plane::from_fn(9, 7, |_, _| 2.0);
+        for (x, y) in [(3, 3), (4, 3), (5, 3), (3, 4), (4, 4), (5, 4), (3, 5), (4, 5), (5, 5), (0, 0)] {
+            plane.data_mut()[y * 9 + x] = f32::NAN;
+        }
+        plane.data_mut()[1] = f32::INFINITY;
+        assert_eq!(repair(&mut [&mut plane], f32::is_finite), 11);
+        assert!(plane.data().iter().all(|&v| v == 2.0));
+    }
+
+    #[test]
+    fn a_channel_without_a_good_pixel_becomes_black() {
+        let mut plane = Plane::filled(3, 2, f32::NAN);
+        assert_eq!(repair(&mut [&mut plane], f32::is_finite), 6);
+        assert_eq!(plane.data(), &[0.0; 6]);
+    }
+
+    #[test]
+    fn a_bad_pixel_of_one_channel_is_repaired_in_all() {
+        let mut red = Plane::from_fn(3, 1, |x, _| x as f32);
+        let mut green = Plane::from_fn(3, 1, |x, _| 10.0 * x as f32);
+        green.data_mut()[1] = f32::NEG_INFINITY;
+        assert_eq!(repair(&mut [&mut red, &mut green], f32::is_finite), 1);
+        assert_eq!((red.data()[1], green.data()[1]), (1.0, 10.0));
+    }
+}

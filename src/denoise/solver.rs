@@ -1,0 +1,308 @@
+//! The fit of one window: weights, Gram matrices, factorisation, choice of the order, prediction.
+
+use super::basis::Basis;
+use super::fit::Factor;
+use super::gram::{self, Columns, Gram};
+use super::risk::{self, Choice, Reference, Totals};
+use super::weights::{self, Guide};
+use super::window::Window;
+use crate::image::{Plane, Rgb};
+use crate::options::{Kernel, Options};
+use pulp::Arch;
+
+/// What the fits of a stage read. All radiance is exposed (see [`super::exposure`]).
+pub struct Problem<'a> {
+    /// Noisy planes to reconstruct: R, G, B of the colour, then of every AOV.
+    pub targets: Vec<&'a Plane>,
+    /// Variance of the colour's mean, smoothed.
+    pub variance: &'a Rgb,
+    /// The previous stage's reconstruction of the colour.
+    pub pilot: Option<&'a Rgb>,
+    /// Feature planes.
+    pub features: &'a [Plane],
+    /// Guide of the noisy colour.
+    pub guide: &'a Guide,
+    /// For demodulated kernels.
+    pub albedo: Option<Demodulation<'a>>,
+    /// The design.
+    pub basis: &'a Basis,
+    /// All options.
+    pub options: &'a Options,
+}
+
+/// What a demodulated kernel reads besides.
+#[derive(Clone, Copy)]
+pub struct Demodulation<'a> {
+    /// Albedo plus its floor.
+    pub albedo: &'a Rgb,
+    /// Guide of colour over albedo.
+    pub guide: &'a Guide,
+}
+
+/// What is to be had of a fit; the pixels are the window's, row by row.
+pub struct Fitted<'a> {
+    /// K of every pixel.
+    pub kernel: &'a [f32],
+    /// Reconstruction of every target, `stride` long each.
+    pub predicted: &'a [f32],
+    /// ξ, order and shrinkage.
+    pub choice: &'a Choice,
+}
+
+/// Buffers of one thread.
+pub struct Solver<'a> {
+    problem: &'a Problem<'a>,
+    arch: Arch,
+    distances: Vec<f32>,
+    /// Which distances the buffer holds: centre, patch radius, demodulated.
+    held: Option<(usize, usize, usize, bool)>,
+    kernel: Vec<f32>,
+    weights: Vec<f32>,
+    weighted_noise: Vec<f32>,
+    noise: Vec<f32>,
+    /// The design's columns, the targets', the pilot's.
+    columns: Vec<f32>,
+    scratch: Vec<f32>,
+    gram: Gram,
+    factor: Factor,
+    choice: Choice,
+    beta: Vec<f64>,
+    predicted: Vec<f32>,
+}
+
+impl<'a> Solver<'a> {
+    /// A solver for `problem`.
+    pub fn new(problem: &'a Problem<'a>) -> Self {
+        let radius = problem.options.window_radius;
+        Self {
+            problem,
+            arch: Arch::new(),
+            distances: vec![0.0; (2 * radius + 1) * weights::distance_stride(radius)],
+            held: None,
+            kernel: vec![],
+            weights: vec![],
+            weighted_noise: vec![],
+            noise: vec![],
+            columns: vec![],
+            scratch: vec![],
+            gram: Gram::default(),
+            factor: Factor::default(),
+            choice: Choice::default(),
+            beta: vec![],
+            predicted: vec![],
+        }
+    }
+
+    /// Fits the window with one kernel.
+    pub fn fit(&mut self, window: &Window, kernel: Kernel) -> Fitted<'_> {
+        let arch = self.arch;
+        arch.dispatch(
+            #[inline(always)]
+            || self.run(window, kernel),
+        );
+        Fitted { kernel: &self.kernel, predicted: &self.predicted, choice: &self.choice }
+    }
+
+    #[inline(always)]
+    fn run(&mut self, window: &Window, kernel: Kernel) {
+        let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
+        self.weigh(window, kernel, demodulation);
+        self.gather(window, demodulation);
+        let scale = self.scale_radiance(window);
+        self.trust_samples(window, scale);
+        let p = self.problem.basis.columns();
+        let r = self.columns.len() / window.stride - p;
+        let columns = Columns {
+            data: &self.columns,
+            stride: window.stride,
+            p,
+            r,
+            weights: &self.weights,
+            weighted_noise: &self.weighted_noise,
+        };
+        gram::accumulate(self.arch, columns, &mut self.gram);
+        self.factor.factorise(&self.gram, p, r);
+        self.choose(window);
+        self.predict(window, scale, demodulation);
+    }
+
+    /// K_h of every pixel.
+    #[inline(always)]
+    fn weigh(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) {
+        let radius = self.problem.options.window_radius;
+        let key = (window.cx, window.cy, kernel.patch_radius, demodulation.is_some());
+        if self.held != Some(key) {
+            let guide = demodulation.map_or(self.problem.guide, |d| d.guide);
+            guide.distances(window.cx, window.cy, radius, kernel.patch_radius, &mut self.distances);
+            self.held = Some(key);
+        }
+        self.kernel.clear();
+        self.kernel.resize(window.stride, 0.0);
+        let (first_x, first_y) = window.offset(radius);
+        let rows = self.distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
+        for (distances, out) in rows.zip(self.kernel.chunks_exact_mut(window.width).take(window.height)) {
+            weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
+        }
+    }
+
+    /// The design, the right-hand sides and the noise, over the albedo where that is asked for.
+    #[inline(always)]
+    fn gather(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) {
+        let Problem { targets, pilot, variance, features, basis, .. } = self.problem;
+        let (stride, p) = (window.stride, basis.columns());
+        let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
+        self.columns.clear();
+        self.columns.resize((p + r) * stride, 0.0);
+        let (design, rhs) = self.columns.split_at_mut(p * stride);
+        basis.fill(window, features, design);
+        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
+        for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
+            window.gather(plane, 0.0, column);
+        }
+        self.noise.clear();
+        self.noise.resize(stride, 0.0);
+        self.scratch.resize(2 * stride, 0.0);
+        let (buffer, albedo) = self.scratch.split_at_mut(stride);
+        for (c, plane) in variance.iter().enumerate() {
+            window.gather(plane, 0.0, buffer);
+            if let Some(demodulation) = demodulation {
+                window.gather(&demodulation.albedo[c], 0.0, albedo);
+                buffer.iter_mut().zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a * a);
+                for column in rhs.chunks_exact_mut(stride).skip(c).step_by(3) {
+                    column.iter_mut().zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a);
+                }
+            }
+            self.noise.iter_mut().zip(&*buffer).take(window.pixels()).for_each(|(n, v)| *n += v);
+        }
+    }
+
+    /// Scales radiance by the power of two that brings the window's largest to about 1, so that its
+    /// squares stay inside `f32`; returns the factor.
+    #[inline(always)]
+    fn scale_radiance(&mut self, window: &Window) -> f32 {
+        let rhs = &mut self.columns[self.problem.basis.columns() * window.stride..];
+        let largest = rhs.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
+        let scale = power_of_two_near_inverse(largest);
+        rhs.iter_mut().for_each(|v| *v *= scale);
+        self.noise.iter_mut().for_each(|v| *v = *v * scale * scale);
+        scale
+    }
+
+    /// The weight of every sample in the fit: K, less for samples noisier than the window's average,
+    /// less for pixels much brighter than the centre, whose absolute errors would drown its own.
+    #[inline(always)]
+    fn trust_samples(&mut self, window: &Window, scale: f32) {
+        let Problem { pilot, options, basis, targets, .. } = self.problem;
+        let stride = window.stride;
+        self.weights.clear();
+        self.weights.extend_from_slice(&self.kernel);
+        let (mut weight, mut noise) = (0.0f32, 0.0f32);
+        for (k, v) in self.kernel.iter().zip(&self.noise) {
+            weight += k;
+            noise += k * v;
+        }
+        if noise > 0.0 {
+            let relative = options.noise_weight * weight / noise;
+            self.weights.iter_mut().zip(&self.noise).for_each(|(w, v)| *w /= 1.0 + v * relative);
+        }
+        if pilot.is_some() {
+            let columns = &self.columns[(basis.columns() + targets.len()) * stride..];
+            let (red, rest) = columns.split_at(stride);
+            let (green, blue) = rest.split_at(stride);
+            let dark = (options.dark_level * scale).powi(2);
+            let at = (window.cy - window.y0) * window.width + window.cx - window.x0;
+            let energy = |i: usize| ((red[i] + green[i] + blue[i]) / 3.0).powi(2) + dark;
+            let centre = 2.0 * energy(at);
+            for (i, w) in self.weights.iter_mut().enumerate().take(window.pixels()) {
+                *w *= (centre / (energy(at) + energy(i)).max(f32::MIN_POSITIVE)).min(1.0);
+            }
+        }
+        self.weighted_noise.clear();
+        self.weighted_noise.extend(self.weights.iter().zip(&self.noise).map(|(w, v)| w * v));
+    }
+
+    #[inline(always)]
+    fn choose(&mut self, window: &Window) {
+        let Problem { pilot, options, basis, targets, .. } = self.problem;
+        let stride = window.stride;
+        let (reference, channels) = match (pilot.is_some(), options.plain_first_stage) {
+            (true, _) => (Reference::Pilot, targets.len()..targets.len() + 3),
+            (false, false) => (Reference::Unbiased, 0..3),
+            (false, true) => (Reference::Noisy, 0..3),
+        };
+        let sum = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>();
+        let rhs = &self.columns[(basis.columns() + channels.start) * stride..];
+        let energy = rhs.chunks_exact(stride).take(3).flat_map(|column| column.iter().zip(&self.weights));
+        let totals = Totals {
+            weight: sum(&self.weights).max(f64::MIN_POSITIVE),
+            energy: energy.map(|(y, w)| f64::from(y * y * w)).sum(),
+            noise: sum(&self.weighted_noise),
+        };
+        risk::choose(
+            &self.factor,
+            basis,
+            channels,
+            totals,
+            reference,
+            options.order_choice,
+            &mut self.choice,
+        );
+    }
+
+    /// Evaluates the chosen model at every pixel and puts ξ and the prediction into the targets' units.
+    #[inline(always)]
+    fn predict(&mut self, window: &Window, scale: f32, demodulation: Option<Demodulation<'_>>) {
+        let (stride, targets) = (window.stride, self.problem.targets.len());
+        self.predicted.clear();
+        self.predicted.resize(targets * stride, 0.0);
+        for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
+            self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
+            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
+                let beta = (*beta / f64::from(scale)) as f32;
+                if beta != 0.0 {
+                    out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
+                }
+            }
+        }
+        self.choice.xi /= f64::from(scale) * f64::from(scale);
+        if let Some(Demodulation { albedo, .. }) = demodulation {
+            let (mut squares, mut weight) = (0.0, 0.0);
+            for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
+                window.gather(&albedo[t % 3], 0.0, &mut self.scratch[..stride]);
+                let albedo = &self.scratch[..window.pixels()];
+                out.iter_mut().zip(albedo).for_each(|(out, a)| *out *= a);
+                if t < 3 {
+                    squares += albedo.iter().zip(&self.weights).map(|(a, w)| w * a * a).sum::<f32>();
+                    weight += self.weights.iter().sum::<f32>();
+                }
+            }
+            self.choice.xi *= f64::from(squares / weight.max(f32::MIN_POSITIVE));
+        }
+    }
+}
+
+/// 2^−e for a value of 2^e to 2^(e+1), without leaving the normal numbers; 1 for 0.
+#[inline(always)]
+fn power_of_two_near_inverse(value: f32) -> f32 {
+    const EXPONENT: u32 = 0x7f80_0000;
+    if value < f32::MIN_POSITIVE {
+        return 1.0;
+    }
+    let inverse = (254u32 << 23).saturating_sub(value.to_bits() & EXPONENT).max(1 << 23);
+    f32::from_bits(inverse)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scale_is_an_exact_power_of_two() {
+        assert_eq!(power_of_two_near_inverse(1.0), 1.0);
+        assert_eq!(power_of_two_near_inverse(1.9), 1.0);
+        assert_eq!(power_of_two_near_inverse(8.5), 0.125);
+        assert_eq!(power_of_two_near_inverse(0.25), 4.0);
+        assert_eq!(power_of_two_near_inverse(0.0), 1.0);
+        assert!(power_of_two_near_inverse(1e38) >= f32::MIN_POSITIVE);
+    }
+}

@@ -1,0 +1,115 @@
+//! The variance of the colour's mean: given, from half buffers, or from the picture itself.
+
+use super::sanitize::Clean;
+use crate::frame::Summary;
+use crate::image::{Plane, Rgb};
+
+/// Radius over which single-pixel estimates (one degree of freedom each) are averaged.
+const ESTIMATE_RADIUS: usize = 3;
+
+/// The variance of the mean of `clean`'s colour, with a note in `summary` on how it was had.
+pub fn of_mean(clean: &Clean, summary: &mut Summary) -> Rgb {
+    if let Some(variance) = &clean.variance {
+        return variance.clone();
+    }
+    if let Some([a, b]) = &clean.halves {
+        summary.notes.push("variance: from the half buffers, averaged over 7×7 pixels".into());
+        return std::array::from_fn(|c| smooth(&from_halves(&a[c], &b[c]), ESTIMATE_RADIUS));
+    }
+    summary
+        .notes
+        .push("variance: estimated from the picture itself, which takes fine detail for noise".into());
+    std::array::from_fn(|c| from_picture(&clean.color[c]))
+}
+
+/// ((A − B)/2)²: unbiased for the variance of (A + B)/2, with one degree of freedom.
+pub fn from_halves(a: &Plane, b: &Plane) -> Plane {
+    Plane::from_fn(a.width(), a.height(), |x, y| {
+        let half = 0.5 * (a.get(x, y) - b.get(x, y));
+        half * half
+    })
+}
+
+/// Noise from a high-pass: the stencil [1 −2 1; −2 4 −2; 1 −2 1]/6 leaves white noise its variance and
+/// cancels planes and parabolas (Immerkær 1996). The mean absolute value over 7×7 pixels, which edges
+/// disturb less than the mean square, times √(π/2) is the standard deviation of Gaussian noise.
+fn from_picture(color: &Plane) -> Plane {
+    let (w, h) = color.size();
+    let at = |x: isize, y: isize| {
+        color.get(x.clamp(0, w as isize - 1) as usize, y.clamp(0, h as isize - 1) as usize)
+    };
+    let stencil = [1.0f32, -2.0, 1.0];
+    let high_pass = Plane::from_fn(w, h, |x, y| {
+        let mut sum = 0.0;
+        for (j, v) in stencil.iter().enumerate() {
+            for (i, u) in stencil.iter().enumerate() {
+                sum += u * v * at(x as isize + i as isize - 1, y as isize + j as isize - 1);
+            }
+        }
+        (sum / 6.0).abs()
+    });
+    let mut variance = smooth(&high_pass, ESTIMATE_RADIUS);
+    variance.data_mut().iter_mut().for_each(|v| *v = *v * *v * std::f32::consts::FRAC_PI_2);
+    variance
+}
+
+/// The mean over a square of `radius` around every pixel, clipped at the border.
+pub fn smooth(plane: &Plane, radius: usize) -> Plane {
+    if radius == 0 {
+        return plane.clone();
+    }
+    let (w, h) = plane.size();
+    let window = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
+    let mean = |sum: f64, n: usize| (sum / n as f64) as f32;
+    let rows = Plane::from_fn(w, h, |x, y| {
+        let row = &plane.row(y)[window(x, w)];
+        mean(row.iter().map(|&v| f64::from(v)).sum(), row.len())
+    });
+    Plane::from_fn(w, h, |x, y| {
+        let range = window(y, h);
+        let n = range.len();
+        mean(range.map(|yy| f64::from(rows.get(x, yy))).sum(), n)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gaussian noise of unit variance, from sums of a small generator.
+    fn noise(width: usize, height: usize) -> Plane {
+        let mut seed = 7u32;
+        Plane::from_fn(width, height, |_, _| {
+            let mut sum = 0.0;
+            for _ in 0..12 {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                sum += (seed >> 8) as f32 / (1 << 24) as f32;
+            }
+            sum - 6.0
+        })
+    }
+
+    #[test]
+    fn noise_on_a_parabola_is_measured_from_the_picture() {
+        let noise = noise(80, 60);
+        let picture = Plane::from_fn(80, 60, |x, y| {
+            let (x, y) = (x as f32, y as f32);
+            0.01 * x * x - 0.02 * x * y + 3.0 + 0.5 * noise.get(x as usize, y as usize)
+        });
+        let variance = from_picture(&picture);
+        let mean = variance.data().iter().sum::<f32>() / 4800.0;
+        assert!((mean - 0.25).abs() < 0.03, "{mean}");
+    }
+
+    #[test]
+    fn halves_give_the_variance_of_their_mean() {
+        let (a, b) = (noise(64, 64), Plane::filled(64, 64, 0.0));
+        let mean = from_halves(&a, &b).data().iter().sum::<f32>() / 4096.0;
+        assert!((mean - 0.25).abs() < 0.02, "{mean}");
+    }
+
+    #[test]
+    fn smoothing_keeps_a_constant() {
+        assert!(smooth(&Plane::filled(5, 3, 0.75), 2).data().iter().all(|&v| v == 0.75));
+    }
+}
