@@ -485,12 +485,16 @@ fn of_two_eyes_one_is_denoised_with_its_own_features_and_the_other_is_told() {
         part("depth_left", "left", &["Z"]),
         part("rgba_right", "right", &["R", "G", "B"]),
         part("rgba_left", "left", &["R", "G", "B"]),
+        part("variance.left", "left", &["A", "G", "R", "B"]),
+        part("variance_right", "right", &["B", "G", "R"]),
         part("depth.right", "right", &["A", "Z"]),
     ];
     exr_files::write(&path, IntegerBounds::from_dimensions(SIZE), parts);
     let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
     let depth = &picture.frame().features()[0].planes[0];
     assert_eq!(depth.data(), values(SIZE.0 * SIZE.1, 1), "the right eye's depth");
+    let variance = picture.frame().color_var_of_mean().unwrap();
+    assert_eq!(variance[0].data(), values(SIZE.0 * SIZE.1, 2), "the right eye's variance");
     let note = "'left' could be the colour as well and passes through; choose it by --map color=…";
     assert_eq!(picture.layout().notes, [note]);
     let left = ReadOptions {

@@ -129,9 +129,13 @@ impl<'a> Casting<'a> {
 
     /// The view must be the colour's, and so must the layers around (Cycles' view layer).
     fn goes_with(&self, layer: usize, color: &Candidate) -> bool {
-        let (layer, color_layer) = (&self.layers[layer], &self.layers[color.layer]);
-        let same_view = layer.view.is_none() || color_layer.view.is_none() || layer.view == color_layer.view;
-        same_view && layer.name.starts_with(&color.around)
+        self.same_view(layer, color.layer) && self.layers[layer].name.starts_with(&color.around)
+    }
+
+    /// What has no view belongs to all of them.
+    fn same_view(&self, a: usize, b: usize) -> bool {
+        let (a, b) = (&self.layers[a].view, &self.layers[b].view);
+        a.is_none() || b.is_none() || a == b
     }
 
     fn rows(&self, role: Role) -> impl Iterator<Item = &'static LayerRow> {
@@ -221,7 +225,7 @@ impl<'a> Casting<'a> {
                     .into_iter()
                     .flat_map(|name| self.layers_named(&name).iter().copied());
                 layers
-                    .filter(|&other| other != layer)
+                    .filter(|&other| other != layer && self.same_view(other, layer))
                     .find_map(|other| Some((row.statistic, self.pick_like(layer, mean, other)?)))
             });
             if let Some((statistic, channels)) = channels {
