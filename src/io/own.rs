@@ -38,7 +38,7 @@ pub fn write_frame(path: impl AsRef<Path>, frame: &Frame, header: &FrameHeader) 
     let channels = channels(frame, header).map_err(|error| error.in_file(path))?;
     let header = exr_header(frame, header, &channels);
     write_atomically(path, |file| {
-        exr::block::write(file, smallvec_of(header), true, |meta, writer| {
+        exr::block::write(file, std::iter::once(header).collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
             for batch in blocks.chunks(BATCH) {
                 let filled = batch.iter().map(|&(index, block)| {
@@ -57,10 +57,6 @@ pub fn write_frame(path: impl AsRef<Path>, frame: &Frame, header: &FrameHeader) 
         })
         .map_err(encode_error)
     })
-}
-
-fn smallvec_of(header: Header) -> exr::meta::Headers {
-    std::iter::once(header).collect()
 }
 
 fn exr_header(frame: &Frame, tell: &FrameHeader, channels: &[(Text, &Plane)]) -> Header {

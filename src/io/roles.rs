@@ -34,20 +34,18 @@ pub(super) struct Candidate {
     around: String,
 }
 
-/// What the user maps: a choice, or no channels to do without.
-pub(super) type Mapped = Choice;
-
 /// The layers, and the tables that are held against them.
 pub(super) struct Casting<'a> {
     layers: &'a [Layer],
     renderer: Renderer,
-    mapped: &'a [Mapped],
+    /// What the user maps; without channels where a role is to be done without.
+    mapped: &'a [Choice],
     /// Layers by their name in small letters: hostile files have thousands.
     by_name: BTreeMap<String, Vec<usize>>,
 }
 
 impl<'a> Casting<'a> {
-    pub(super) fn new(layers: &'a [Layer], renderer: Renderer, mapped: &'a [Mapped]) -> Self {
+    pub(super) fn new(layers: &'a [Layer], renderer: Renderer, mapped: &'a [Choice]) -> Self {
         let mut by_name: BTreeMap<String, Vec<usize>> = BTreeMap::new();
         for (i, layer) in layers.iter().enumerate() {
             by_name.entry(layer.name.to_ascii_lowercase()).or_default().push(i);
@@ -156,7 +154,7 @@ impl<'a> Casting<'a> {
         own.chain(COMPANIONS.iter().filter(|row| row.renderer == Renderer::Plain))
     }
 
-    fn mapped(&self, role: Role, feature: &str, statistic: Statistic) -> Option<&Mapped> {
+    fn mapped(&self, role: Role, feature: &str, statistic: Statistic) -> Option<&Choice> {
         self.mapped.iter().find(|mapped| {
             let target = &mapped.target;
             target.role == role && target.feature == feature && same_slot(target.statistic, statistic)
