@@ -27,9 +27,12 @@ fn files(folder: &Path) -> Vec<PathBuf> {
 /// Denoises `input` and checks that only the colour changed.
 fn check(input: &Path, folder: &Path) {
     let output = folder.join("out.exr");
+    // What passes through does not depend on how well the rest is denoised: small windows save minutes.
+    let cheap = ["--set", "window_radius=2", "--set", "center_spacing=4"];
     let run = Command::new(env!("CARGO_BIN_EXE_apr-denoise"))
         .args([input, &output])
         .arg("--quiet")
+        .args(cheap)
         .output()
         .unwrap();
     let complaint = String::from_utf8_lossy(&run.stderr).into_owned();

@@ -56,6 +56,11 @@ fn a_run_answers_with_progress_and_writes_a_report() {
     assert!(named("read")["seconds"].as_f64().unwrap() > 0.0);
     assert!(named("sanitize")["peak_memory_bytes"].is_u64() || !cfg!(target_os = "linux"));
     named("write");
+    let skipped = &report["skipped"][0];
+    assert_eq!(
+        (&skipped["stage"], &skipped["reason"]),
+        (&"prefilter".into(), &"no feature has a variance or halves".into())
+    );
     // The report's error before is the mean of the variances that were written.
     let count = SIZE.0 * SIZE.1;
     let sum: f64 = (3..6).flat_map(|salt| values(count, salt)).map(f64::from).sum();
@@ -128,7 +133,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
     std::fs::write(&text, "no picture").unwrap();
     let (missing, nowhere) = (in_folder("missing.exr"), in_folder("no/such/folder/out.exr"));
     let here = folder.path().to_str().unwrap();
-    let cases: [(i32, &[&str], &[&str]); 16] = [
+    let cases: [(i32, &[&str], &[&str]); 19] = [
         (2, &[], &["required"]),
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
@@ -137,6 +142,9 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),
         (2, &[&input, &out, "--set", "no_such_option=1"], &["no_such_option", "the options are"]),
+        (2, &[&input, &out, "--set", "window_radius=99"], &["window_radius", "give"]),
+        (2, &[&input, &out, "--set", "stages.0.0.bandwidth=wide"], &["make no sense"]),
+        (2, &[&input, &out, "--preset", "quick"], &["balanced", "published"]),
         (2, &[&input, &out, "--json"], &["--inspect"]),
         (3, &[&missing, &out], &["missing.exr", "check the name"]),
         (3, &[&text, &out], &["text.exr", "no OpenEXR file"]),
@@ -163,6 +171,22 @@ fn options_come_from_files_and_settings_under_any_name() {
     let file = folder.path().join("options.json");
     std::fs::write(&file, serde_json::to_string(&apr::Options::default()).unwrap()).unwrap();
     program().args([&input, &output]).arg("--options").arg(&file).assert().success();
+    let set = [
+        "--inspect",
+        "--json",
+        "--preset",
+        "published",
+        "--set",
+        "outliers.radius=3",
+        "--set",
+        "stages.0.0.bandwidth=0.25",
+    ];
+    let json: Value = serde_json::from_str(&run(program().arg(&input).args(set)).1).unwrap();
+    let published = apr::Options::published();
+    assert_eq!(json["options"]["outliers"]["radius"], 3);
+    assert_eq!(json["options"]["stages"][0][0]["bandwidth"], 0.25);
+    assert_eq!(json["options"]["stages"].as_array().unwrap().len(), published.stages.len());
+    assert_eq!(json["options"]["restore"], published.restore);
     std::fs::write(&file, "{\"no such option\": 1}").unwrap();
     let (code, _, complaint) = run(program().args([&input, &output]).arg("--options").arg(&file));
     assert_eq!(code, 2);

@@ -7,6 +7,8 @@ use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
+use crate::settings::{PRESETS, Preset};
+
 /// Denoise a Monte Carlo render.
 ///
 /// Reads an OpenEXR file of any renderer, denoises its beauty with whatever variances, half buffers
@@ -63,6 +65,9 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = positive, help_heading = "Channels")]
     pub spp: Option<f32>,
 
+    /// Start from this set of options; published is the method as its paper has it.
+    #[arg(long, value_name = "NAME", value_parser = preset(), help_heading = "Denoiser")]
+    pub preset: Option<Preset>,
     /// Set one option of the denoiser; VALUE is JSON, KEY may go into depth with dots.
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
     pub set: Vec<String>,
@@ -112,6 +117,10 @@ fn renderer() -> impl TypedValueParser<Value = Renderer> {
 
 fn variance_kind() -> impl TypedValueParser<Value = VarianceKind> {
     one_of(&VarianceKind::NAMES)
+}
+
+fn preset() -> impl TypedValueParser<Value = Preset> {
+    one_of(&PRESETS)
 }
 
 fn positive(text: &str) -> Result<f32, String> {

@@ -49,7 +49,7 @@ fn denoise(arguments: &Arguments, options: &apr::Options, output: &Path) -> Resu
     for target in std::iter::once(output).chain(arguments.report.as_deref()) {
         io::check_target(target)?; // better now than after the work
     }
-    let clock = Clock::new(Progress::new(arguments.quiet));
+    let clock = Clock::new(Progress::new(arguments.quiet, options.stages.len()));
     clock.begin("read");
     let picture = Picture::read(&arguments.input, &arguments.read_options())?;
     for warning in picture.layout().warnings.iter().filter(|_| !arguments.quiet) {

@@ -11,6 +11,8 @@ const STEP: u32 = 5;
 /// Where the progress is shown. It never goes back.
 pub struct Progress {
     shown: Shown,
+    /// How many stages of fits there will be.
+    fits: usize,
     state: Mutex<State>,
 }
 
@@ -28,8 +30,8 @@ struct State {
 }
 
 impl Progress {
-    /// Nothing is shown when `quiet`.
-    pub fn new(quiet: bool) -> Self {
+    /// For a run with so many stages of fits. Nothing is shown when `quiet`.
+    pub fn new(quiet: bool, fits: usize) -> Self {
         let shown = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => Shown::Nowhere,
             (false, true) => {
@@ -38,7 +40,7 @@ impl Progress {
             }
             (false, false) => Shown::Lines,
         };
-        Self { shown, state: Mutex::new(State { from: 0.0, to: 0.0, told: 0 }) }
+        Self { shown, fits, state: Mutex::new(State { from: 0.0, to: 0.0, told: 0 }) }
     }
 
     /// A stage begins.
@@ -49,7 +51,7 @@ impl Progress {
         {
             let mut state = self.state.lock().expect("no holder panics");
             state.from = state.to;
-            state.to = end_of(name, state.to);
+            state.to = end_of(name, state.to, self.fits);
         }
         self.share(0.0);
     }
@@ -79,17 +81,17 @@ impl Progress {
     }
 }
 
-/// Where a stage ends, in per cent of the run: by experience nearly all of it is fitting, and each
-/// fit is taken to need half of what the fits before it left.
-fn end_of(stage: &str, before: f32) -> f32 {
-    const FITS_END: f32 = 90.0;
+/// Where a stage ends, in per cent of the run: by experience nearly all of it is fitting.
+fn end_of(stage: &str, before: f32, fits: usize) -> f32 {
+    const FITS_BEGIN: f32 = 8.0;
+    const FITS_END: f32 = 96.0;
     let end = match stage {
-        "read" => 4.0,
-        "sanitize" | "outliers" => 5.0,
-        "prefilter" => 10.0,
-        "energy" => 92.0,
+        "read" => 2.0,
+        "sanitize" | "outliers" => 3.0,
+        "prefilter" => FITS_BEGIN,
+        "energy" => 97.0,
         "write" => 100.0,
-        _ => before + (FITS_END - before) / 2.0,
+        _ => before + (FITS_END - FITS_BEGIN) / fits as f32,
     };
     end.max(before)
 }

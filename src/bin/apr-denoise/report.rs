@@ -5,7 +5,7 @@ use std::path::Path;
 use apr::denoise::Stage;
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{Layout, Picture};
-use apr::{Denoised, Frame, Options, Summary};
+use apr::{Denoised, Feature, Frame, Options, Summary};
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
@@ -18,6 +18,8 @@ pub struct Report<'a> {
     output: String,
     layout: &'a Layout,
     options: &'a Options,
+    /// Of the whole run, wall clock.
+    seconds: f64,
     /// Stages that were run, in order.
     stages: Vec<Cost>,
     /// Stages that were not.
@@ -57,14 +59,17 @@ impl<'a> Report<'a> {
         notes: Vec<String>,
         output: &Path,
     ) -> Self {
+        let skipped = skipped(picture.frame(), options, &denoised.summary, &stages);
+        let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
         Self {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
             output: output.display().to_string(),
             layout: picture.layout(),
             options,
-            skipped: skipped(picture.frame(), &denoised.summary, &stages),
-            stages,
+            seconds: stages.iter().map(|stage| stage.seconds).sum(),
+            stages: stages.into_iter().filter(ran).collect(),
+            skipped,
             summary: &denoised.summary,
             estimated_error: EstimatedError::new(picture.frame(), denoised),
             notes,
@@ -78,7 +83,7 @@ impl<'a> Report<'a> {
 
     /// In one line, for people.
     pub fn line(&self) -> String {
-        let seconds: f64 = self.stages.iter().map(|stage| stage.seconds).sum();
+        let seconds = self.seconds;
         let error = &self.estimated_error;
         let before = error.relative_before.map_or("unknown".to_owned(), |before| format!("{before:.2e}"));
         format!(
@@ -88,19 +93,23 @@ impl<'a> Report<'a> {
     }
 }
 
-fn skipped(frame: &Frame, summary: &Summary, run: &[Cost]) -> Vec<Skipped> {
-    let switched_off = "switched off by the options";
-    let none_found = if summary.outliers == 0 { "there are no outliers" } else { switched_off };
-    let no_features = if frame.features().is_empty() { "there are no features" } else { switched_off };
-    let stages = [
-        (Stage::Sanitize, switched_off),
-        (Stage::Outliers, switched_off),
-        (Stage::Prefilter, no_features),
-        (Stage::Fit(1), switched_off),
-        (Stage::Energy, none_found),
-    ];
-    let missed = stages.into_iter().map(|(stage, reason)| Skipped { stage: name(stage), reason });
-    missed.filter(|skipped| run.iter().all(|cost| cost.stage != skipped.stage)).collect()
+/// The stages that had nothing to do, and why.
+fn skipped(frame: &Frame, options: &Options, summary: &Summary, run: &[Cost]) -> Vec<Skipped> {
+    let noisy = |feature: &Feature| feature.var_of_mean.is_some() || feature.halves.is_some();
+    let reason = |stage: Stage| match stage {
+        _ if run.iter().all(|cost| cost.stage != name(stage)) => Some("there is no noise to take out"),
+        Stage::Outliers if !options.outliers.enabled => Some("switched off by the options"),
+        Stage::Prefilter if !options.prefilter.enabled => Some("switched off by the options"),
+        Stage::Prefilter if !frame.features().iter().any(noisy) => {
+            Some("no feature has a variance or halves")
+        }
+        Stage::Energy if summary.outliers == 0 && !options.restore => Some("there are no outliers"),
+        _ => None,
+    };
+    let fits = (1..=options.stages.len()).map(Stage::Fit);
+    let stages =
+        [Stage::Sanitize, Stage::Outliers, Stage::Prefilter].into_iter().chain(fits).chain([Stage::Energy]);
+    stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
 }
 
 impl EstimatedError {

@@ -6,9 +6,19 @@ use serde_json::Value;
 
 use crate::arguments::Arguments;
 
-/// The options: the defaults, then the file's, then each `--set` in turn.
+/// A name for a set of options.
+pub type Preset = fn() -> Options;
+
+/// What `--preset` takes.
+pub const PRESETS: [(&str, Preset); 2] = [("balanced", Options::default), ("published", Options::published)];
+
+/// The options: the preset's, then the file's, then each `--set` in turn.
+///
+/// # Errors
+/// `Usage` when an option is not known or out of its range; `Unreadable` when the file is.
 pub fn options(arguments: &Arguments) -> Result<Options> {
-    let mut value = serde_json::to_value(Options::default()).map_err(internal)?;
+    let preset = arguments.preset.unwrap_or(Options::default);
+    let mut value = serde_json::to_value(preset()).map_err(internal)?;
     if let Some(path) = &arguments.options {
         let text = std::fs::read_to_string(path).map_err(|error| {
             Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}")).in_file(path)
@@ -29,7 +39,9 @@ pub fn options(arguments: &Arguments) -> Result<Options> {
         let new = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
         replace(&mut value, key, new)?;
     }
-    serde_json::from_value(value).map_err(|error| usage(&error))
+    let options: Options = serde_json::from_value(value).map_err(|error| usage(&error))?;
+    options.check()?;
+    Ok(options)
 }
 
 /// Sets the option at `key`, whose dots go into depth.
