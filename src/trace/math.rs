@@ -24,12 +24,14 @@ pub struct Ray {
 
 impl Ray {
     /// The point at distance `t`.
+    #[inline]
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
     }
 
     /// A ray that leaves `point` of a surface with geometric normal `normal` on the side of
     /// `direction`.
+    #[inline]
     pub fn leaving(point: Vec3, normal: Vec3, direction: Vec3, time: f32) -> Self {
         let magnitude = (1.0 + point.amax()) * RAY_OFFSET;
         let offset = if direction.dot(&normal) < 0.0 { -magnitude } else { magnitude };
@@ -41,6 +43,7 @@ impl Ray {
     /// The ray from its start, which was moved off the surface at `from`, to what was seen from there at
     /// `distance`, and where it stops short of it. Without aiming again, a ray that grazes a light would
     /// meet the light's own near side.
+    #[inline]
     pub fn aimed(self, from: Vec3, distance: f32) -> (Self, f32) {
         if distance == f32::INFINITY {
             return (self, distance);
@@ -113,6 +116,7 @@ pub struct Basis {
 
 impl Basis {
     /// A basis whose third axis is the unit vector `n` (Duff et al. 2017, without branches).
+    #[inline]
     pub fn around(n: Vec3) -> Self {
         let sign = 1f32.copysign(n.z);
         let a = -1.0 / (sign + n.z);
@@ -125,22 +129,26 @@ impl Basis {
     }
 
     /// From the basis to the world.
+    #[inline]
     pub fn to_world(self, v: Vec3) -> Vec3 {
         self.s * v.x + self.t * v.y + self.n * v.z
     }
 
     /// From the world to the basis.
+    #[inline]
     pub fn to_local(self, v: Vec3) -> Vec3 {
         Vec3::new(v.dot(&self.s), v.dot(&self.t), v.dot(&self.n))
     }
 }
 
 /// Luminance of linear Rec. 709 RGB.
+#[inline]
 pub fn luminance(c: Vec3) -> f32 {
     0.2126 * c.x + 0.7152 * c.y + 0.0722 * c.z
 }
 
 /// `v` mirrored at the unit vector `n`, both pointing away from the surface.
+#[inline]
 pub fn reflect(v: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * v.dot(&n)) - v
 }

@@ -48,12 +48,14 @@ impl Medium {
     }
 
     /// The share of light that gets along `ray` up to `t_max`.
+    #[inline]
     pub fn transmittance(&self, ray: &Ray, t_max: f32) -> Vec3 {
         self.transmitted(self.stretch(ray, t_max).1)
     }
 
     /// Samples whether and where `ray` is scattered before `t_max`. The free path follows one channel's
     /// extinction, chosen evenly where they differ; the density is that of all three together.
+    #[inline]
     pub fn sample(&self, ray: &Ray, t_max: f32, random: &mut Random) -> Flight {
         let (start, length) = self.stretch(ray, t_max);
         let gray = self.extinction.amax() == self.extinction.amin();
@@ -71,6 +73,7 @@ impl Medium {
     }
 
     /// Density of scattering by an angle with cosine `cos` between old and new direction of travel.
+    #[inline]
     pub fn phase(&self, cos: f32) -> f32 {
         let g = self.anisotropy;
         let base = 1.0 + g * g - 2.0 * g * cos;

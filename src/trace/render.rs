@@ -208,3 +208,35 @@ fn integrator(effects: u32) -> RunRow {
     let smallest = SETS.iter().filter(|(set, _)| holds(*set)).min_by_key(|(set, _)| set.count_ones());
     smallest.map_or(run_row::<{ effect::ALL }>, |(_, run)| *run)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Leaving effects out of the compiled code must leave the picture as it is.
+    #[test]
+    fn every_compiled_set_that_holds_the_plan_gives_the_same_bits() {
+        let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
+        for name in ["cornell_box", "textured_room", "frosted_glass", "foliage", "lens_table", "motion_blur"]
+        {
+            let text = std::fs::read_to_string(folder.join(format!("{name}.json"))).unwrap();
+            let mut scene: serde_json::Value = serde_json::from_str(&text).unwrap();
+            scene["camera"]["resolution"] = serde_json::json!([12, 9]);
+            let scene = Scene::parse(&scene.to_string(), &folder).unwrap();
+            let options = RenderOptions { second_hit: true, ..RenderOptions::default() };
+            let film_of = |run: RunRow| {
+                let mut renderer = Renderer::new(&scene, &options);
+                let mut sample = Sample::new(0);
+                for (y, row) in renderer.film.rows().into_iter().enumerate() {
+                    run(&scene, &options, y, row, &|_| 4, &mut sample);
+                }
+                renderer.film
+            };
+            let effects = Plan::new(&scene, &options).effects();
+            let least = film_of(integrator(effects));
+            for (set, run) in SETS.iter().filter(|(set, _)| set & effects == effects) {
+                assert_eq!(film_of(*run), least, "{name} with the set {set:b}");
+            }
+        }
+    }
+}

@@ -42,17 +42,20 @@ impl Random {
     }
 
     /// A number in [0, 1).
+    #[inline]
     pub fn next(&mut self) -> f32 {
         (self.0.next_u32() >> 8) as f32 * (1.0 / (1u32 << 24) as f32)
     }
 
     /// A point in [0, 1)².
+    #[inline]
     pub fn next_2d(&mut self) -> [f32; 2] {
         [self.next(), self.next()]
     }
 }
 
 /// A point of the unit disk, uniform, by Shirley and Chiu's concentric map.
+#[inline]
 pub fn concentric_disk(u: [f32; 2]) -> [f32; 2] {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
     if a == 0.0 && b == 0.0 {
@@ -65,6 +68,7 @@ pub fn concentric_disk(u: [f32; 2]) -> [f32; 2] {
 }
 
 /// A direction of the upper hemisphere with density cos θ / π.
+#[inline]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let [x, y] = concentric_disk(u);
     Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())
@@ -76,6 +80,7 @@ pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
 }
 
 /// The direction with cosine `cos` to the z axis and azimuth `phi`.
+#[inline]
 pub fn direction(cos: f32, phi: f32) -> Vec3 {
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let (sin_phi, cos_phi) = phi.sin_cos();
@@ -83,6 +88,7 @@ pub fn direction(cos: f32, phi: f32) -> Vec3 {
 }
 
 /// Barycentric coordinates of the second and third vertex, uniform over the triangle.
+#[inline]
 pub fn triangle(u: [f32; 2]) -> [f32; 2] {
     let root = (1.0 - u[0]).max(0.0).sqrt();
     [1.0 - root, u[1] * root]
@@ -116,11 +122,13 @@ impl Distribution {
     }
 
     /// The probability of entry `i`.
+    #[inline]
     pub fn probability(&self, i: usize) -> f32 {
         self.cumulative[i + 1] - self.cumulative[i]
     }
 
     /// An entry, and `u` stretched to [0, 1) inside it for further use.
+    #[inline]
     pub fn sample(&self, u: f32) -> (usize, f32) {
         let last = self.cumulative.len() - 2;
         let i = self.cumulative[1..].partition_point(|&c| c <= u).min(last);
@@ -130,6 +138,7 @@ impl Distribution {
 }
 
 /// The power heuristic's weight for a strategy of density `a` beside one of density `b`.
+#[inline]
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     let ratio = b / a; // the quotient first: squares of large densities would overflow
     1.0 / (1.0 + ratio * ratio)

@@ -40,6 +40,7 @@ impl Sphere {
 
     /// The nearest distance in (0, `t_max`) at which `ray` meets it. The discriminant is that of
     /// Haines et al. 2019, which keeps its digits when the sphere is small or far away.
+    #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<f32> {
         let from_center = ray.origin - self.center;
         let a = ray.direction.norm_squared();
@@ -56,6 +57,7 @@ impl Sphere {
     }
 
     /// The surface at a hit point, which is moved onto the sphere exactly.
+    #[inline]
     pub fn surface(&self, hit: Vec3) -> Surface {
         let normal = (hit - self.center).normalize();
         let local = self.to_poles * normal;
@@ -91,6 +93,7 @@ impl Disk {
     }
 
     /// The distance in (0, `t_max`) at which `ray` meets it.
+    #[inline]
     pub fn intersect(&self, ray: &Ray, t_max: f32) -> Option<f32> {
         let local = self.placement.ray_to_local(ray);
         let t = -local.origin.z / local.direction.z;
@@ -99,6 +102,7 @@ impl Disk {
     }
 
     /// The surface at a hit point.
+    #[inline]
     pub fn surface(&self, hit: Vec3) -> Surface {
         let p = self.placement.to_local.point(hit);
         let normal = self.normal();

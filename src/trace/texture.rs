@@ -59,6 +59,7 @@ impl Picture {
 
 impl Texture {
     /// The colour at `uv`.
+    #[inline]
     pub fn at(&self, [u, v]: [f32; 2]) -> Vec3 {
         match self {
             Texture::Constant(color) => *color,

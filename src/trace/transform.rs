@@ -26,6 +26,7 @@ impl Affine {
     }
 
     /// The map of points.
+    #[inline]
     pub fn point(&self, p: Vec3) -> Vec3 {
         self.linear * p + self.shift
     }
@@ -61,6 +62,7 @@ impl Placement {
     }
 
     /// `ray` as the shape sees it; distances along it stay what they are.
+    #[inline]
     pub fn ray_to_local(&self, ray: &Ray) -> Ray {
         Ray {
             origin: self.to_local.point(ray.origin),
@@ -70,6 +72,7 @@ impl Placement {
     }
 
     /// A normal of the shape in the world, of unit length.
+    #[inline]
     pub fn normal_to_world(&self, n: Vec3) -> Vec3 {
         self.to_local.linear.tr_mul(&n).normalize()
     }

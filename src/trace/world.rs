@@ -22,6 +22,7 @@ pub struct Triangle {
 
 impl Triangle {
     /// Unit normal of its plane.
+    #[inline]
     pub fn normal(&self) -> Vec3 {
         self.scaled_normal().normalize()
     }
@@ -31,11 +32,13 @@ impl Triangle {
         0.5 * self.scaled_normal().norm()
     }
 
+    #[inline]
     fn scaled_normal(&self) -> Vec3 {
         let [a, b, c] = self.corners;
         (b - a).cross(&(c - a))
     }
 
+    #[inline]
     fn surface(&self, [u, v]: [f32; 2]) -> Surface {
         let w = 1.0 - u - v;
         let [a, b, c] = self.corners;
@@ -232,6 +235,7 @@ impl World {
 }
 
 impl Level {
+    #[inline]
     fn surface(&self, ray: &Ray, hit: &Hit) -> (Surface, u32) {
         match hit.primitive {
             Leaf::Packet(index) => {

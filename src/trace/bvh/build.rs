@@ -68,17 +68,18 @@ fn add_leaf(bvh: &mut Bvh, items: &[Item]) -> Child {
     }
 }
 
-/// Divides `items` into up to four parts: the part with the largest surface is divided next.
+/// Divides `items` into up to four parts: the part with the largest surface is divided next. Where that
+/// leaves room, leaves of several triangles are divided too: their boxes are tested for free.
 fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
     let mut parts = vec![items];
     while parts.len() < 4 {
-        let area = |part: &[Item]| if is_leaf(part) { -1.0 } else { bounds_of(part).half_area() };
-        let Some(widest) = (0..parts.len())
-            .filter(|&i| !is_leaf(parts[i]))
-            .max_by(|&a, &b| area(parts[a]).total_cmp(&area(parts[b])))
-        else {
-            break;
-        };
+        let rank = |part: &[Item]| (!is_leaf(part), bounds_of(part).half_area());
+        let divisible = (0..parts.len()).filter(|&i| parts[i].len() > 1);
+        let widest = divisible.max_by(|&a, &b| {
+            let (a, b) = (rank(parts[a]), rank(parts[b]));
+            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+        });
+        let Some(widest) = widest else { break };
         let part = parts.remove(widest);
         let middle = match split {
             Split::Sah => sah(part),

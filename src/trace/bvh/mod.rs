@@ -99,29 +99,20 @@ impl Bvh {
     pub fn traverse(&self, ray: &Ray, t_max: &mut f32, mut visit: impl FnMut(Leaf, &mut f32) -> bool) {
         let slabs = Slabs::new(ray);
         let mut stack = [(Child(0), 0f32); STACK];
-        let mut depth = usize::from(!self.nodes.is_empty());
-        while depth > 0 {
-            depth -= 1;
-            let (child, entry) = stack[depth & (STACK - 1)];
-            if entry > *t_max {
-                continue;
-            }
+        let mut depth = 0;
+        let mut child = Child(0);
+        if self.nodes.is_empty() {
+            return;
+        }
+        loop {
             let index = child.0 & INDEX_MASK;
             match child.0 >> KIND_SHIFT {
                 KIND_NODE => {
                     let node = &self.nodes[index as usize];
-                    let (entries, mut met) = slabs.meet(node, *t_max);
-                    let first = depth;
-                    while met != 0 {
-                        let lane = met.trailing_zeros() as usize & 3;
-                        met &= met - 1;
-                        let mut place = depth & (STACK - 1);
-                        while place > first && stack[place - 1].1 < entries[lane] {
-                            stack[place] = stack[place - 1];
-                            place -= 1;
-                        }
-                        stack[place] = (node.children[lane], entries[lane]);
-                        depth += 1;
+                    let (entries, met) = slabs.meet(node, *t_max);
+                    if met != 0 {
+                        child = nearest(node, &entries, met, &mut stack, &mut depth);
+                        continue;
                     }
                 }
                 kind => {
@@ -131,8 +122,51 @@ impl Bvh {
                     }
                 }
             }
+            // The next child that still lies before the nearest hit.
+            loop {
+                if depth == 0 {
+                    return;
+                }
+                depth -= 1;
+                let (next, entry) = stack[depth & (STACK - 1)];
+                if entry <= *t_max {
+                    child = next;
+                    break;
+                }
+            }
         }
     }
+}
+
+/// The nearest of the children that were `met`; the others go onto the stack, near ones on top.
+#[inline(always)]
+fn nearest(
+    node: &Node,
+    entries: &[f32; 4],
+    mut met: u32,
+    stack: &mut [(Child, f32); STACK],
+    depth: &mut usize,
+) -> Child {
+    let mut lane = met.trailing_zeros() as usize & 3;
+    let mut best = (node.children[lane], entries[lane]);
+    let first = *depth;
+    met &= met - 1;
+    while met != 0 {
+        lane = met.trailing_zeros() as usize & 3;
+        met &= met - 1;
+        let mut other = (node.children[lane], entries[lane]);
+        if other.1 < best.1 {
+            std::mem::swap(&mut best, &mut other);
+        }
+        let mut place = *depth & (STACK - 1);
+        while place > first && stack[place - 1].1 < other.1 {
+            stack[place] = stack[place - 1];
+            place -= 1;
+        }
+        stack[place] = other;
+        *depth += 1;
+    }
+    best.0
 }
 
 /// A ray as the slab test wants it.

@@ -23,7 +23,7 @@ pub struct Extent {
 
 #[derive(Debug, Clone)]
 struct Node {
-    extent: Extent,
+    extent: Bound,
     /// The second child (the first follows its parent), or none in a leaf.
     second: Option<u32>,
     light: u32,
@@ -55,7 +55,7 @@ impl LightTree {
     fn add(&mut self, lights: &mut [(u32, Extent)], path: u64, depth: u32) {
         let index = self.nodes.len();
         let extent = lights[1..].iter().fold(lights[0].1, |sum, (_, extent)| sum.union(extent));
-        self.nodes.push(Node { extent, second: None, light: lights[0].0 });
+        self.nodes.push(Node { extent: Bound::new(&extent), second: None, light: lights[0].0 });
         if lights.len() == 1 {
             self.paths[lights[0].0 as usize] = path;
             return;
@@ -124,30 +124,61 @@ fn with_sine(cos: f32) -> (f32, f32) {
     ((1.0 - cos * cos).max(0.0).sqrt(), cos)
 }
 
-impl Extent {
+/// An [`Extent`] as the descent wants it.
+#[derive(Debug, Clone, Copy)]
+struct Bound {
+    center: Vec3,
+    radius2: f32, // squared half diagonal of the box
+    axis: Vec3,
+    spread: (f32, f32), // sine and cosine
+    cos_reach: f32,
+    power: f32,
+}
+
+impl Bound {
+    fn new(extent: &Extent) -> Self {
+        Self {
+            center: extent.bounds.center(),
+            radius2: 0.25 * extent.bounds.extent().norm_squared(),
+            axis: extent.axis,
+            spread: extent.spread.sin_cos(),
+            cos_reach: extent.reach.cos(),
+            power: extent.power,
+        }
+    }
+
     /// An upper estimate, up to a constant factor, of the light that reaches `point`.
+    #[inline(always)]
     fn importance(&self, point: Vec3, normal: Option<Vec3>) -> f32 {
-        let way = point - self.bounds.center();
-        let radius2 = 0.25 * self.bounds.extent().norm_squared();
-        let distance2 = way.norm_squared();
-        let direction = way / distance2.sqrt().max(f32::MIN_POSITIVE);
-        // The angle under which the box is seen is taken off every other angle.
-        let subtended = match distance2 > radius2 {
-            true => with_sine((1.0 - radius2 / distance2).sqrt()),
+        let way = point - self.center;
+        let distance2 = way.norm_squared().max(f32::MIN_POSITIVE);
+        let direction = way / distance2.sqrt();
+        // The angle under which the sphere around the box is seen is taken off every other angle.
+        let subtended = match distance2 > self.radius2 {
+            true => {
+                let sin2 = self.radius2 / distance2;
+                (sin2.sqrt(), (1.0 - sin2).sqrt())
+            }
             false => (0.0, -1.0),
         };
-        let off_axis = with_sine(self.axis.dot(&direction).clamp(-1.0, 1.0));
-        let outside_spread = with_sine(cos_difference(off_axis, self.spread.sin_cos()));
-        let least_angle = cos_difference(outside_spread, subtended);
-        if least_angle <= self.reach.cos() {
+        let least_angle = match self.spread.1 <= -1.0 {
+            true => 1.0, // its normals point everywhere
+            false => {
+                let off_axis = with_sine(self.axis.dot(&direction).clamp(-1.0, 1.0));
+                cos_difference(with_sine(cos_difference(off_axis, self.spread)), subtended)
+            }
+        };
+        if least_angle <= self.cos_reach {
             return 0.0;
         }
         let facing = normal
             .map_or(1.0, |n| cos_difference(with_sine(n.dot(&direction).abs().min(1.0)), subtended).max(0.0));
         // The half diagonal as least distance keeps lights that surround the point finite.
-        self.power * least_angle.max(0.0) * facing / distance2.max(radius2).max(f32::MIN_POSITIVE)
+        self.power * least_angle.max(0.0) * facing / distance2.max(self.radius2)
     }
+}
 
+impl Extent {
     fn union(&self, other: &Self) -> Self {
         let (axis, spread) = union_of_cones((self.axis, self.spread), (other.axis, other.spread));
         Self {
@@ -175,4 +206,53 @@ fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     let turn =
         nalgebra::Rotation3::from_axis_angle(&nalgebra::Unit::new_normalize(turn_axis), spread - wide.1);
     (turn * wide.0, spread)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lamp(i: u32) -> (u32, Extent) {
+        let hash = |k: u32| {
+            (i.wrapping_mul(2_654_435_761).wrapping_add(k.wrapping_mul(40_503)) >> 8) as f32
+                / (1u32 << 24) as f32
+        };
+        let place = Vec3::new(hash(1), hash(2), hash(3)) * 4.0;
+        let (spread, reach) = if i % 3 == 0 { (PI, PI / 2.0) } else { (0.0, 1.2) };
+        let axis = (Vec3::new(hash(4), hash(5), hash(6)) - Vec3::repeat(0.5)).normalize();
+        let bounds = Aabb { min: place, max: place + Vec3::repeat(0.1) };
+        (i, Extent { bounds, axis, spread, reach, power: 1.0 + hash(7) })
+    }
+
+    #[test]
+    fn probabilities_sum_to_one_and_are_those_of_the_samples() {
+        let tree = LightTree::new((0..37).map(lamp).collect(), 37);
+        let (point, normal) = (Vec3::new(1.0, 0.3, 2.0), Some(Vec3::y()));
+        let told: Vec<f32> = (0..37).map(|i| tree.probability(point, normal, i)).collect();
+        assert!((told.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        const DRAWS: u32 = 100_000;
+        let mut drawn = [0u32; 37];
+        for k in 0..DRAWS {
+            let (light, probability) = tree.sample(point, normal, (k as f32 + 0.5) / DRAWS as f32).unwrap();
+            assert!((probability - told[light]).abs() <= 1e-5 * probability);
+            drawn[light] += 1;
+        }
+        for (light, &count) in drawn.iter().enumerate() {
+            let expected = told[light] * DRAWS as f32;
+            assert!((count as f32 - expected).abs() <= 3.0 + 1e-3 * expected, "{light}: {count}, {expected}");
+        }
+    }
+
+    /// A light that shines on the point must have a chance: a choice that forgets it would be biased.
+    #[test]
+    fn whatever_shines_on_the_point_can_be_chosen() {
+        let lights: Vec<_> = (0..37).map(lamp).collect();
+        let tree = LightTree::new(lights.clone(), 37);
+        let point = Vec3::new(2.0, -1.0, 2.0);
+        for (i, extent) in lights {
+            let way = (point - extent.bounds.center()).normalize();
+            let shines = extent.spread == PI || way.dot(&extent.axis) > extent.reach.cos();
+            assert!(!shines || tree.probability(point, Some(Vec3::y()), i as usize) > 0.0, "{i}");
+        }
+    }
 }
