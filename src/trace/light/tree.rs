@@ -128,7 +128,7 @@ fn with_sine(cos: f32) -> (f32, f32) {
 #[derive(Debug, Clone, Copy)]
 struct Bound {
     center: Vec3,
-    radius2: f32, // squared half diagonal of the box
+    radius: f32, // half diagonal of the box
     axis: Vec3,
     spread: (f32, f32), // sine and cosine
     cos_reach: f32,
@@ -139,7 +139,7 @@ impl Bound {
     fn new(extent: &Extent) -> Self {
         Self {
             center: extent.bounds.center(),
-            radius2: 0.25 * extent.bounds.extent().norm_squared(),
+            radius: 0.5 * extent.bounds.extent().norm(),
             axis: extent.axis,
             spread: extent.spread.sin_cos(),
             cos_reach: extent.reach.cos(),
@@ -152,29 +152,24 @@ impl Bound {
     fn importance(&self, point: Vec3, normal: Option<Vec3>) -> f32 {
         let way = point - self.center;
         let distance2 = way.norm_squared().max(f32::MIN_POSITIVE);
-        let direction = way / distance2.sqrt();
+        let inverse = 1.0 / distance2.sqrt();
         // The angle under which the sphere around the box is seen is taken off every other angle.
-        let subtended = match distance2 > self.radius2 {
-            true => {
-                let sin2 = self.radius2 / distance2;
-                (sin2.sqrt(), (1.0 - sin2).sqrt())
-            }
-            false => (0.0, -1.0),
-        };
-        let least_angle = match self.spread.1 <= -1.0 {
-            true => 1.0, // its normals point everywhere
+        let sin_subtended = self.radius * inverse;
+        let least_angle = match self.spread.1 <= -1.0 || sin_subtended >= 1.0 {
+            true => 1.0, // its normals point everywhere, or it surrounds the point
             false => {
-                let off_axis = with_sine(self.axis.dot(&direction).clamp(-1.0, 1.0));
+                let off_axis = with_sine((self.axis.dot(&way) * inverse).clamp(-1.0, 1.0));
+                let subtended = (sin_subtended, (1.0 - sin_subtended * sin_subtended).sqrt());
                 cos_difference(with_sine(cos_difference(off_axis, self.spread)), subtended)
             }
         };
         if least_angle <= self.cos_reach {
             return 0.0;
         }
-        let facing = normal
-            .map_or(1.0, |n| cos_difference(with_sine(n.dot(&direction).abs().min(1.0)), subtended).max(0.0));
+        // cos(a − b) ≤ cos a + sin b: an estimate from above is as good here, and needs no root.
+        let facing = normal.map_or(1.0, |n| (n.dot(&way).abs() * inverse + sin_subtended).min(1.0));
         // The half diagonal as least distance keeps lights that surround the point finite.
-        self.power * least_angle.max(0.0) * facing / distance2.max(self.radius2)
+        self.power * least_angle.max(0.0) * facing / distance2.max(self.radius * self.radius)
     }
 }
 
