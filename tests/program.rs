@@ -98,6 +98,10 @@ fn inspection_tells_roles_and_ranges_and_writes_nothing() {
     let (code, text, _) = run(program().arg("--inspect").arg(&input));
     assert_eq!(code, 0);
     assert!(text.contains("variance of the mean") && text.contains("albedo.R, albedo.G, albedo.B"), "{text}");
+    assert!(
+        text.contains("regression on the pixel's position, albedo with the variance of the file"),
+        "{text}"
+    );
     assert!(text.contains("done without: halves, normal, position, depth, visibility"), "{text}");
     let (_, json, _) = run(program().args(["--inspect", "--json"]).arg(&input));
     let json: Value = serde_json::from_str(&json).unwrap();

@@ -12,14 +12,14 @@ use serde::Serialize;
 struct Inspection<'a> {
     layout: &'a Layout,
     size: [usize; 2],
-    would_run: Vec<&'static str>,
+    would_run: Vec<String>,
     options: &'a Options,
 }
 
 /// The answer to `--inspect`, as JSON or for people.
 pub fn describe(picture: &Picture, options: &Options, json: bool) -> Result<String> {
     let frame = picture.frame();
-    let would_run = would_run(picture);
+    let would_run = would_run(picture, options);
     if json {
         let size = [frame.width(), frame.height()];
         let inspection = Inspection { layout: picture.layout(), size, would_run, options };
@@ -29,27 +29,30 @@ pub fn describe(picture: &Picture, options: &Options, json: bool) -> Result<Stri
     Ok(text(picture.layout(), (frame.width(), frame.height()), &would_run))
 }
 
-/// What of the pipeline this input calls for.
-fn would_run(picture: &Picture) -> Vec<&'static str> {
+/// What of the pipeline this input and these options call for.
+fn would_run(picture: &Picture, options: &Options) -> Vec<String> {
     let frame = picture.frame();
     let variance = match (frame.color_var_of_mean(), frame.halves()) {
-        (Some(_), _) => "fits weighted by the variance",
-        (None, Some(_)) => "fits weighted by a variance estimated from the half buffers",
-        (None, None) => "fits weighted by a variance estimated from the picture",
+        (Some(_), _) => "the variance of the file",
+        (None, Some(_)) => "a variance estimated from the half buffers",
+        (None, None) => "a variance estimated from the picture",
     };
-    let halves = frame.halves().map(|_| "checks across half buffers");
-    let features = match frame.features().is_empty() {
-        false => "regression on the features",
-        true => "regression on the pixel's position alone",
-    };
-    ["repair of NaN and infinities", "outlier removal"]
-        .into_iter()
-        .chain(halves)
-        .chain([features, variance])
-        .collect()
+    let used = frame.features().iter().filter(|feature| options.features.contains(&feature.kind));
+    let features: Vec<&str> =
+        std::iter::once("the pixel's position").chain(used.map(|feature| feature.name.as_str())).collect();
+    let mut steps = vec!["repair of NaN and infinities".to_owned()];
+    if options.outliers.enabled {
+        steps.push("outlier removal".to_owned());
+    }
+    steps.push(format!(
+        "{} stages of regression on {} with {variance}",
+        options.stages.len(),
+        features.join(", ")
+    ));
+    steps
 }
 
-fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[&str]) -> String {
+fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) -> String {
     let mut text = String::new();
     let mut line = |words: String| writeln!(text, "{words}").expect("a string takes all");
     for file in &layout.files {
