@@ -213,7 +213,7 @@ mod tests {
                 / (1u32 << 24) as f32
         };
         let place = Vec3::new(hash(1), hash(2), hash(3)) * 4.0;
-        let (spread, reach) = if i % 3 == 0 { (PI, PI / 2.0) } else { (0.0, 1.2) };
+        let (spread, reach) = if i.is_multiple_of(3) { (PI, PI / 2.0) } else { (0.0, 1.2) };
         let axis = (Vec3::new(hash(4), hash(5), hash(6)) - Vec3::repeat(0.5)).normalize();
         let bounds = Aabb { min: place, max: place + Vec3::repeat(0.1) };
         (i, Extent { bounds, axis, spread, reach, power: 1.0 + hash(7) })
