@@ -27,7 +27,8 @@ pub struct SweepArguments {
     /// The folder for the page; made when missing.
     #[arg(long, value_name = "FOLDER", default_value = "report")]
     out: PathBuf,
-    /// Settings to try instead of the built-in ones: a JSON array of {"name": …, "options": {…}}.
+    /// Settings to try instead of the built-in ones: a JSON array of {"name": …, "base":
+    /// "default" or "published", "options": {…}}.
     #[arg(long, value_name = "FILE.json")]
     variants: Option<PathBuf>,
     /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …};

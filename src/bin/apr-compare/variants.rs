@@ -18,17 +18,30 @@ pub struct Variant {
     pub options: Options,
 }
 
-/// A variant as it stands in a file: the options that differ from the defaults.
+/// A variant as it stands in a file: the options that differ from those it starts from.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Entry {
     name: String,
     #[serde(default)]
+    base: Base,
+    #[serde(default)]
     options: Map<String, Value>,
 }
 
-/// The variants of the JSON file at `path`, an array of `{"name": …, "options": {…}}` where the
-/// options are those of [`Options`] that differ from its defaults; the built-in ones without a path.
+/// What a variant starts from.
+#[derive(Default, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Base {
+    /// [`Options::default`].
+    #[default]
+    Default,
+    /// [`Options::published`].
+    Published,
+}
+
+/// The variants of the JSON file at `path`, an array of `{"name": …, "base": …, "options": {…}}` where
+/// the options are those of [`Options`] that differ from the base's; the built-in ones without a path.
 ///
 /// # Errors
 /// When the file cannot be read, is not of that form, or names an unknown option.
@@ -50,20 +63,26 @@ pub fn read_text(path: &Path) -> Result<String> {
 
 fn parse(text: &str) -> Result<Vec<Variant>> {
     let usage = |error: &serde_json::Error, what: &str| {
-        Error::new(ErrorKind::Usage, format!("{what}: {error}"))
-            .remedy("write an array of {\"name\": …, \"options\": {…}}")
+        Error::new(ErrorKind::Usage, format!("{what}: {error}")).remedy(
+            "write an array of {\"name\": …, \"base\": \"default\" or \"published\", \"options\": {…}}",
+        )
     };
     let entries: Vec<Entry> = serde_json::from_str(text).map_err(|e| usage(&e, "no list of variants"))?;
     let build = |entry: Entry| {
-        let options = overlay(entry.options).map_err(|e| usage(&e, &format!("variant '{}'", entry.name)))?;
+        let base = match entry.base {
+            Base::Default => Options::default(),
+            Base::Published => Options::published(),
+        };
+        let options =
+            overlay(&base, entry.options).map_err(|e| usage(&e, &format!("variant '{}'", entry.name)))?;
         Ok(Variant { name: entry.name, options })
     };
     entries.into_iter().map(build).collect()
 }
 
-/// The default options with `changes` laid over them.
-fn overlay(changes: Map<String, Value>) -> serde_json::Result<Options> {
-    let mut options = serde_json::to_value(Options::default())?;
+/// `base` with `changes` laid over it.
+fn overlay(base: &Options, changes: Map<String, Value>) -> serde_json::Result<Options> {
+    let mut options = serde_json::to_value(base)?;
     if let Value::Object(fields) = &mut options {
         fields.extend(changes);
     }
@@ -82,6 +101,8 @@ mod tests {
         names.sort();
         names.dedup();
         assert_eq!(names.len(), all.len());
+        assert!(all.iter().all(|variant| variant.options.check().is_ok()));
+        assert!(all[1..].iter().all(|variant| variant.options != all[0].options));
     }
 
     #[test]
