@@ -99,6 +99,9 @@ impl Chart {
         self.grid(&mut svg, &x, &y);
         let frame = [LEFT, TOP, WIDTH, HEIGHT - BOTTOM];
         let mut labels = Labels::new(frame, drawn().map(|point| (x.at(point.0), y.at(point.1))));
+        if named <= INSIDE {
+            labels.cover([WIDTH - RIGHT - 130.0, TOP, WIDTH, TOP + 17.0 * named as f64]);
+        }
         for (i, series) in self.series.iter().enumerate() {
             series.draw(&mut svg, &x, &y, i, &mut labels);
         }

@@ -37,14 +37,14 @@ fn floor(sweep: &Sweep) -> String {
 
 /// Error against seconds, one chart for each input, the Pareto front joined by a line.
 pub fn time_charts(sweep: &Sweep) -> Vec<Chart> {
-    sweep.inputs.iter().map(time_chart).collect()
+    sweep.inputs.iter().map(|input| time_chart(sweep, input)).collect()
 }
 
-fn time_chart(input: &Input) -> Chart {
+fn time_chart(sweep: &Sweep, input: &Input) -> Chart {
     let front = input.pareto_front();
     let points = |wanted: bool| {
         let timed = input.runs.iter().zip(&front).filter(|(_, on_front)| **on_front == wanted);
-        let point = |(run, _): (&Run, _)| Some((run.seconds?, run.scores.rel_mse, run.name.clone()));
+        let point = |(run, _): (&Run, _)| Some((run.seconds?, sweep.error(&run.scores), run.name.clone()));
         timed.filter_map(point).collect::<Vec<_>>()
     };
     let mut best = points(true);
@@ -131,14 +131,14 @@ fn equal_time(sweep: &Sweep) -> String {
     ];
     let of = |input: &Input| {
         let row = |run: &Run| {
-            let e = input.equal_time(run, sweep.sample_seconds)?;
+            let e = sweep.equal_time(input, run)?;
             let (samples, error) = e.bought.map_or(("–".into(), "–".into()), |(samples, error)| {
                 (format!("{samples:.1}"), format!("{error:.6}"))
             });
             Some(vec![
                 run.name.clone(),
                 format!("{:.3}", run.seconds?),
-                format!("{:.6}", run.scores.rel_mse),
+                format!("{:.6}", sweep.error(&run.scores)),
                 format!("{:.0}", e.equivalent_spp),
                 format!("{:.4}", e.break_even_sample_seconds),
                 samples,

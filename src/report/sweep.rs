@@ -70,25 +70,6 @@ pub struct EqualTime {
 }
 
 impl Input {
-    /// What the seconds of `run` would have bought; `None` when its seconds or the samples per pixel
-    /// are not known, or the run's result is exact.
-    pub fn equal_time(&self, run: &Run, sample_seconds: Option<f64>) -> Option<EqualTime> {
-        let (seconds, spp) = (run.seconds?, self.spp?);
-        if run.scores.rel_mse <= 0.0 {
-            return None;
-        }
-        let equivalent_spp = spp * self.noisy.rel_mse / run.scores.rel_mse;
-        let gained = equivalent_spp - spp;
-        Some(EqualTime {
-            equivalent_spp,
-            break_even_sample_seconds: if gained > 0.0 { seconds / gained } else { f64::INFINITY },
-            bought: sample_seconds.map(|each| {
-                let extra = seconds / each;
-                (extra, self.noisy.rel_mse * spp / (spp + extra))
-            }),
-        })
-    }
-
     /// Which runs no other run beats in both seconds and relMSE; runs without seconds are not.
     pub fn pareto_front(&self) -> Vec<bool> {
         let beaten = |run: &Run, seconds: f64| {
@@ -104,12 +85,37 @@ impl Input {
 }
 
 impl Sweep {
-    /// (samples per pixel, relMSE) of the run named `name` on every input whose samples are known, by
+    /// relMSE against the truth: what was measured less the reference's own noise.
+    pub fn error(&self, scores: &Scores) -> f64 {
+        scores.rel_mse - self.reference_noise.unwrap_or(0.0)
+    }
+
+    /// What the seconds of `run` on `input` would have bought; `None` when its seconds or the samples
+    /// per pixel are not known, or its error drowns in the reference's noise.
+    pub fn equal_time(&self, input: &Input, run: &Run) -> Option<EqualTime> {
+        let (seconds, spp) = (run.seconds?, input.spp?);
+        let (noisy, error) = (self.error(&input.noisy), self.error(&run.scores));
+        if error <= 0.0 {
+            return None;
+        }
+        let equivalent_spp = spp * noisy / error;
+        let gained = equivalent_spp - spp;
+        Some(EqualTime {
+            equivalent_spp,
+            break_even_sample_seconds: if gained > 0.0 { seconds / gained } else { f64::INFINITY },
+            bought: self.sample_seconds.map(|each| {
+                let extra = seconds / each;
+                (extra, noisy * spp / (spp + extra))
+            }),
+        })
+    }
+
+    /// (samples per pixel, [error](Self::error)) of the run named `name` on every input whose samples are known, by
     /// rising samples; the renders themselves for `None`.
     pub fn against_spp(&self, name: Option<&str>) -> Vec<(f64, f64)> {
         let error = |input: &Input| match name {
-            None => Some(input.noisy.rel_mse),
-            Some(name) => input.runs.iter().find(|run| run.name == name).map(|run| run.scores.rel_mse),
+            None => Some(self.error(&input.noisy)),
+            Some(name) => input.runs.iter().find(|run| run.name == name).map(|run| self.error(&run.scores)),
         };
         let mut points: Vec<(f64, f64)> =
             self.inputs.iter().filter_map(|input| Some((input.spp?, error(input)?))).collect();
@@ -164,16 +170,25 @@ mod tests {
     }
 
     #[test]
-    fn seconds_are_weighed_against_samples() {
-        let input = input(4.0, &[(10.0, 0.01), (10.0, 0.32)]);
-        let good = input.equal_time(&input.runs[0], Some(2.0)).unwrap();
+    fn seconds_are_weighed_against_samples_less_the_references_noise() {
+        let mut sweep = Sweep {
+            reference: "ref".into(),
+            reference_noise: Some(0.01),
+            inputs: vec![input(4.0, &[(10.0, 0.02), (10.0, 0.32), (10.0, 0.01)])],
+            sample_seconds: Some(2.0),
+        };
+        sweep.inputs[0].noisy = scores(0.17);
+        let of = |sweep: &Sweep, i: usize| sweep.equal_time(&sweep.inputs[0], &sweep.inputs[0].runs[i]);
+        let good = of(&sweep, 0).unwrap();
         assert!((good.equivalent_spp - 64.0).abs() < 1e-9);
         assert!((good.break_even_sample_seconds - 10.0 / 60.0).abs() < 1e-12);
         let (extra, error) = good.bought.unwrap();
         assert_eq!(extra, 5.0);
         assert!((error - 0.16 * 4.0 / 9.0).abs() < 1e-12);
-        let bad = input.equal_time(&input.runs[1], None).unwrap();
+        sweep.sample_seconds = None;
+        let bad = of(&sweep, 1).unwrap();
         assert_eq!((bad.break_even_sample_seconds, bad.bought), (f64::INFINITY, None));
+        assert_eq!(of(&sweep, 2), None);
     }
 
     #[test]

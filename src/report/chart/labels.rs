@@ -6,7 +6,7 @@ const LETTER: (f64, f64) = (12.0, 5.9);
 const AWAY: f64 = 7.0;
 
 /// A rectangle: left, top, right, bottom.
-type Area = [f64; 4];
+pub(super) type Area = [f64; 4];
 
 /// Where a label goes: the start of its base line.
 pub(super) type Spot = (f64, f64);
@@ -22,6 +22,11 @@ impl Labels {
     pub(super) fn new(frame: Area, points: impl Iterator<Item = (f64, f64)>) -> Self {
         let disc = |(x, y): (f64, f64)| [x - 4.0, y - 4.0, x + 4.0, y + 4.0];
         Self { frame, taken: points.map(disc).collect() }
+    }
+
+    /// Keeps labels off `area`.
+    pub(super) fn cover(&mut self, area: Area) {
+        self.taken.push(area);
     }
 
     /// A free spot for `words` beside the point at `x`, `y`: right or left of it, above, level or
