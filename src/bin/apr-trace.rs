@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use apr::io::{FrameHeader, read_rgb, write_bytes, write_frame};
+use apr::io::{FrameHeader, check_target, read_rgb, write_bytes, write_frame};
 use apr::trace::{FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
 use clap::{Parser, ValueEnum};
@@ -106,6 +106,7 @@ fn run(args: &Args) -> Result<()> {
         print_plan(&Plan::new(&scene, &options));
         return Ok(());
     };
+    check_target(out)?; // before hours of work, not after
     let threads = args.threads.unwrap_or(0) as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;

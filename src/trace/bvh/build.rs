@@ -103,12 +103,19 @@ fn median(items: &mut [Item]) -> usize {
 #[derive(Clone, Copy)]
 struct Bin {
     bounds: Aabb,
-    count: usize,
+    load: usize, // a triangle counts 1, anything else as much as a full packet
+}
+
+fn load(item: &Item) -> usize {
+    match item.kind {
+        ItemKind::Triangle => 1,
+        ItemKind::Solid => PACKET,
+    }
 }
 
 /// The cost of testing a set, in packets times half its surface.
 fn cost(bin: &Bin) -> f32 {
-    if bin.count == 0 { 0.0 } else { bin.bounds.half_area() * bin.count.div_ceil(PACKET) as f32 }
+    if bin.load == 0 { 0.0 } else { bin.bounds.half_area() * bin.load.div_ceil(PACKET) as f32 }
 }
 
 /// Sorts `items` into the two sides of the cheapest plane between bins; returns the right side's start.
@@ -121,11 +128,11 @@ fn sah(items: &mut [Item]) -> usize {
     };
     let mut best = (f32::INFINITY, 0, 0);
     for axis in (0..3).filter(|&axis| extent[axis] > 0.0) {
-        let mut bins = [Bin { bounds: Aabb::EMPTY, count: 0 }; BINS];
+        let mut bins = [Bin { bounds: Aabb::EMPTY, load: 0 }; BINS];
         for item in items.iter() {
             let bin = &mut bins[bin_of(item, axis)];
             bin.bounds = bin.bounds.union(&item.bounds);
-            bin.count += 1;
+            bin.load += load(item);
         }
         let rights = sweep(bins.iter().rev());
         for (plane, left) in sweep(bins.iter()).iter().enumerate().take(BINS - 1) {
@@ -145,8 +152,8 @@ fn sah(items: &mut [Item]) -> usize {
 
 /// The cost of the first n + 1 bins together, for every n.
 fn sweep<'a>(bins: impl Iterator<Item = &'a Bin>) -> Vec<f32> {
-    bins.scan(Bin { bounds: Aabb::EMPTY, count: 0 }, |sum, bin| {
-        *sum = Bin { bounds: sum.bounds.union(&bin.bounds), count: sum.count + bin.count };
+    bins.scan(Bin { bounds: Aabb::EMPTY, load: 0 }, |sum, bin| {
+        *sum = Bin { bounds: sum.bounds.union(&bin.bounds), load: sum.load + bin.load };
         Some(cost(sum))
     })
     .collect()
