@@ -12,7 +12,6 @@ Needs target/release/apr-trace; llvm_ad_rgb needs LLVM (Debian: libllvm19, and D
 
 import argparse
 import json
-import math
 import os
 import pathlib
 import resource
@@ -79,6 +78,8 @@ def render_mitsuba(path, spp, variant):
 
 
 def main():
+    import mitsuba_convert as convert
+
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenes", nargs="*", help="names in fixtures/scenes; all by default")
     parser.add_argument("--size", default="256x192")
@@ -93,16 +94,14 @@ def main():
     print("| scene | " + " | ".join(columns) + " | own / scalar | llvm / own |\n|---|" + "---|" * 6)
     table = {}
     for name in names:
-        scene = json.loads((ROOT / "fixtures" / "scenes" / f"{name}.json").read_text())
+        scene = convert.load(ROOT / "fixtures" / "scenes" / f"{name}.json")
         scene["camera"]["resolution"] = [width, height]
         scene["camera"].pop("filter", None)
-        with tempfile.NamedTemporaryFile("w", suffix=".json", dir=ROOT / "fixtures" / "scenes") as file:
-            json.dump(scene, file)
-            file.flush()
-            path = pathlib.Path(file.name)
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / "scene.json"
+            path.write_text(json.dumps(scene))
             seconds = [own(path, options.spp, "first-hit"), own(path, options.spp, "none"),
                        mitsuba(path, options.spp, "scalar_rgb"), mitsuba(path, options.spp, "llvm_ad_rgb")]
-            path.with_suffix(".exr").unlink()
         rates = [pair and [paths / s for s in pair] for pair in seconds]
         table[name] = dict(zip(columns, rates))
         cells = [f"{r[0]:.2f} ({r[1]:.2f})" if r else "–" for r in rates]
