@@ -31,7 +31,8 @@ const DOORS: [(&str, &[&str]); 8] = [
     ("base64", &["report"]),
 ];
 
-/// Source files of the library with their module, programs and unit tests left out.
+/// Source files of the library with their module, programs and unit tests (`#[cfg(test)]` and what
+/// follows, so all of a file that begins with `#![cfg(test)]`) left out.
 fn sources() -> Vec<(String, PathBuf, String)> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let mut folders = vec![root.clone()];
@@ -44,7 +45,7 @@ fn sources() -> Vec<(String, PathBuf, String)> {
             } else if entry.extension().is_some_and(|e| e == "rs") && !entry.ends_with("tests.rs") {
                 let module = relative.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
                 let text = fs::read_to_string(&entry).unwrap();
-                let code = text.split("#[cfg(test)]").next().unwrap();
+                let code = text.split("[cfg(test)]").next().unwrap();
                 let code = code.lines().filter(|line| !line.trim_start().starts_with("//"));
                 let code = code.collect::<Vec<_>>().join("\n");
                 found.push((module.to_string(), relative, code));

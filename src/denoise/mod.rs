@@ -1,6 +1,7 @@
 //! The denoiser: the only place that knows the order of the stages.
 
 mod basis;
+mod condition;
 mod exposure;
 mod fit;
 mod gram;

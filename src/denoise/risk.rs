@@ -49,52 +49,80 @@ pub struct Choice {
 }
 
 /// Risks of orders are told apart down to this share of the noise; it keeps their ratios finite.
-const RISK_RESOLUTION: f64 = 1e-3;
+pub const RISK_RESOLUTION: f64 = 1e-3;
 
 /// Sharpness of the soft choice: exp(−2 (ξ_k/ξ_min − 1)), method.md §3.
 const SOFTNESS: f64 = 2.0;
 
-/// Fills `choice` for the factorised window; `channels` are the reference's right-hand sides.
-#[inline(always)]
-pub fn choose(
-    factor: &Factor,
-    basis: &Basis,
-    channels: Range<usize>,
-    totals: Totals,
-    reference: Reference,
-    rule: OrderChoice,
-    choice: &mut Choice,
-) {
-    let p = basis.columns();
-    let gain = |i: usize| channels.clone().map(|t| factor.z(t)[i].powi(2)).sum::<f64>();
-    let change = |i: usize, s: f64| {
-        let noise = if reference == Reference::Unbiased { 2.0 * s } else { s * s } * factor.d()[i];
-        noise - (1.0 - (1.0 - s) * (1.0 - s)) * gain(i)
-    };
-    let start = totals.energy - if reference == Reference::Unbiased { totals.noise } else { 0.0 };
-    let floor = (totals.noise * RISK_RESOLUTION).max(f64::MIN_POSITIVE);
+/// A factorised window, as the risk sees it.
+#[derive(Debug, Clone)]
+pub struct Evidence<'a> {
+    /// The factorisation.
+    pub factor: &'a Factor,
+    /// The right-hand sides that are the reference's channels.
+    pub channels: Range<usize>,
+    /// What is put for the unknown μ.
+    pub reference: Reference,
+    /// What the components do not hold.
+    pub totals: Totals,
+}
 
-    let orders = basis.max_order() + 1;
-    let mut risks = [f64::INFINITY; 4];
-    let (mut sum, mut from) = (start, 0);
-    for (order, risk) in risks.iter_mut().enumerate().take(orders) {
-        let to = basis.columns_up_to(order);
-        sum += (from..to).map(|i| change(i, 1.0)).sum::<f64>();
-        from = to;
-        *risk = sum.max(floor);
+impl Evidence<'_> {
+    /// g of component `i`.
+    fn gain(&self, i: usize) -> f64 {
+        self.channels.clone().map(|t| self.factor.z(t)[i].powi(2)).sum()
     }
+
+    /// What keeping component `i` with the factor `s` changes.
+    fn change(&self, i: usize, s: f64) -> f64 {
+        let noise = if self.reference == Reference::Unbiased { 2.0 * s } else { s * s } * self.factor.d()[i];
+        noise - (1.0 - (1.0 - s) * (1.0 - s)) * self.gain(i)
+    }
+
+    /// The risk of keeping nothing.
+    fn start(&self) -> f64 {
+        self.totals.energy - if self.reference == Reference::Unbiased { self.totals.noise } else { 0.0 }
+    }
+
+    /// ξ_k of every order, mean over the channels; ∞ beyond the highest.
+    #[inline(always)]
+    pub fn xi(&self, basis: &Basis) -> [f64; 4] {
+        let (mut sum, mut from) = (self.start(), 0);
+        let mut xi = [f64::INFINITY; 4];
+        for (order, xi) in xi.iter_mut().enumerate().take(basis.max_order() + 1) {
+            let to = basis.columns_up_to(order);
+            sum += (from..to).map(|i| self.change(i, 1.0)).sum::<f64>();
+            from = to;
+            *xi = self.mean(sum);
+        }
+        xi
+    }
+
+    /// A sum over pixels and channels as a mean.
+    fn mean(&self, sum: f64) -> f64 {
+        sum / self.totals.weight / self.channels.len() as f64
+    }
+}
+
+/// Fills `choice` for a factorised window.
+#[inline(always)]
+pub fn choose(evidence: &Evidence<'_>, basis: &Basis, rule: OrderChoice, choice: &mut Choice) {
+    let p = basis.columns();
+    let orders = basis.max_order() + 1;
+    let floor = evidence.mean(evidence.totals.noise * RISK_RESOLUTION).max(f64::MIN_POSITIVE);
+    let risks = evidence.xi(basis).map(|xi| xi.max(floor));
     choice.best = (1..orders).fold(0, |best, k| if risks[k] < risks[best] { k } else { best });
 
     choice.shrink.clear();
     choice.shrink.resize(p, 0.0);
     match rule {
         OrderChoice::Hard => choice.shrink[..basis.columns_up_to(choice.best)].fill(1.0),
-        OrderChoice::Shrink if reference == Reference::Pilot => {
+        OrderChoice::Shrink if evidence.reference == Reference::Pilot => {
             // (1−s)² g + s² d is least at s = g/(g+d). The constant carries the energy: it stays.
             choice.shrink[0] = 1.0;
             for i in 1..p {
-                let g = gain(i);
-                choice.shrink[i] = if g > 0.0 { g / (g + factor.d()[i]) } else { 0.0 };
+                let g = evidence.gain(i);
+                choice.shrink[i] = if g > 0.0 { g / (g + evidence.factor.d()[i]) } else { 0.0 };
             }
         }
         OrderChoice::Soft | OrderChoice::Shrink => {
@@ -107,8 +135,8 @@ pub fn choose(
             }
         }
     }
-    let risk = start + (0..p).map(|i| change(i, choice.shrink[i])).sum::<f64>();
-    choice.xi = (risk / totals.weight / 3.0).max(0.0);
+    let risk = evidence.start() + (0..p).map(|i| evidence.change(i, choice.shrink[i])).sum::<f64>();
+    choice.xi = evidence.mean(risk).max(0.0);
     choice.order = (1..orders)
         .map(|k| {
             let block = &choice.shrink[basis.columns_up_to(k - 1)..basis.columns_up_to(k)];

@@ -1,14 +1,17 @@
 //! The fit of one window: weights, Gram matrices, factorisation, choice of the order, prediction.
 
 use super::basis::Basis;
+use super::condition;
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
-use super::risk::{self, Choice, Reference, Totals};
+use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::weights::{self, Guide};
 use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
 use pulp::Arch;
+
+mod stability;
 
 /// What the fits of a stage read. All radiance is exposed (see [`super::exposure`]).
 pub struct Problem<'a> {
@@ -62,6 +65,8 @@ pub struct Solver<'a> {
     noise: Vec<f32>,
     /// The design's columns, the targets', the pilot's.
     columns: Vec<f32>,
+    /// Weighted means that were taken out of the right-hand sides.
+    means: Vec<f32>,
     scratch: Vec<f32>,
     gram: Gram,
     factor: Factor,
@@ -84,6 +89,7 @@ impl<'a> Solver<'a> {
             weighted_noise: vec![],
             noise: vec![],
             columns: vec![],
+            means: vec![],
             scratch: vec![],
             gram: Gram::default(),
             factor: Factor::default(),
@@ -106,10 +112,22 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn run(&mut self, window: &Window, kernel: Kernel) {
         let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
+        let scale = self.factorise(window, kernel, demodulation);
+        let Problem { basis, options, .. } = self.problem;
+        let mut choice = std::mem::take(&mut self.choice);
+        risk::choose(&self.evidence(window), basis, options.order_choice, &mut choice);
+        self.choice = choice;
+        self.predict(window, scale, demodulation);
+    }
+
+    /// All up to the factorisation; returns the factor that radiance was scaled by.
+    #[inline(always)]
+    fn factorise(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) -> f32 {
         self.weigh(window, kernel, demodulation);
         self.gather(window, demodulation);
         let scale = self.scale_radiance(window);
         self.trust_samples(window, scale);
+        self.condition(window);
         let p = self.problem.basis.columns();
         let r = self.columns.len() / window.stride - p;
         let columns = Columns {
@@ -122,8 +140,7 @@ impl<'a> Solver<'a> {
         };
         gram::accumulate(self.arch, columns, &mut self.gram);
         self.factor.factorise(&self.gram, p, r);
-        self.choose(window);
-        self.predict(window, scale, demodulation);
+        scale
     }
 
     /// K_h of every pixel.
@@ -176,13 +193,14 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// Scales radiance by the power of two that brings the window's largest to about 1, so that its
-    /// squares stay inside `f32`; returns the factor.
+    /// Scales radiance by the power of two that brings the window's largest, or its noise where that is
+    /// larger, to about 1, so that squares stay inside `f32`; returns the factor.
     #[inline(always)]
     fn scale_radiance(&mut self, window: &Window) -> f32 {
         let rhs = &mut self.columns[self.problem.basis.columns() * window.stride..];
         let largest = rhs.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
-        let scale = power_of_two_near_inverse(largest);
+        let noise = self.noise.iter().fold(0.0f32, |largest, &v| largest.max(v)).sqrt();
+        let scale = condition::power_of_two_near_inverse(largest.max(noise));
         rhs.iter_mut().for_each(|v| *v *= scale);
         self.noise.iter_mut().for_each(|v| *v = *v * scale * scale);
         scale
@@ -221,8 +239,24 @@ impl<'a> Solver<'a> {
         self.weighted_noise.extend(self.weights.iter().zip(&self.noise).map(|(w, v)| w * v));
     }
 
+    /// Centres all columns but the constant, and levels the features' (see [`condition`]).
     #[inline(always)]
-    fn choose(&mut self, window: &Window) {
+    fn condition(&mut self, window: &Window) {
+        let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
+        self.means.clear();
+        for (j, column) in self.columns.chunks_exact_mut(window.stride).enumerate().skip(1) {
+            let mean = condition::centre(column, &self.weights, window.pixels());
+            if j <= features {
+                condition::level(column, &self.weights);
+            } else if j >= p {
+                self.means.push(mean);
+            }
+        }
+    }
+
+    /// What the risks are made of.
+    #[inline(always)]
+    fn evidence(&self, window: &Window) -> Evidence<'_> {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
         let stride = window.stride;
         let (reference, channels) = match (pilot.is_some(), options.plain_first_stage) {
@@ -238,15 +272,7 @@ impl<'a> Solver<'a> {
             energy: energy.map(|(y, w)| f64::from(y * y * w)).sum(),
             noise: sum(&self.weighted_noise),
         };
-        risk::choose(
-            &self.factor,
-            basis,
-            channels,
-            totals,
-            reference,
-            options.order_choice,
-            &mut self.choice,
-        );
+        Evidence { factor: &self.factor, channels, reference, totals }
     }
 
     /// Evaluates the chosen model at every pixel and puts ξ and the prediction into the targets' units.
@@ -256,6 +282,7 @@ impl<'a> Solver<'a> {
         self.predicted.clear();
         self.predicted.resize(targets * stride, 0.0);
         for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
+            out.fill((f64::from(self.means[t]) / f64::from(scale)) as f32);
             self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
             for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
                 let beta = (*beta / f64::from(scale)) as f32;
@@ -278,31 +305,5 @@ impl<'a> Solver<'a> {
             }
             self.choice.xi *= f64::from(squares / weight.max(f32::MIN_POSITIVE));
         }
-    }
-}
-
-/// 2^−e for a value of 2^e to 2^(e+1), without leaving the normal numbers; 1 for 0.
-#[inline(always)]
-fn power_of_two_near_inverse(value: f32) -> f32 {
-    const EXPONENT: u32 = 0x7f80_0000;
-    if value < f32::MIN_POSITIVE {
-        return 1.0;
-    }
-    let inverse = (254u32 << 23).saturating_sub(value.to_bits() & EXPONENT).max(1 << 23);
-    f32::from_bits(inverse)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_scale_is_an_exact_power_of_two() {
-        assert_eq!(power_of_two_near_inverse(1.0), 1.0);
-        assert_eq!(power_of_two_near_inverse(1.9), 1.0);
-        assert_eq!(power_of_two_near_inverse(8.5), 0.125);
-        assert_eq!(power_of_two_near_inverse(0.25), 4.0);
-        assert_eq!(power_of_two_near_inverse(0.0), 1.0);
-        assert!(power_of_two_near_inverse(1e38) >= f32::MIN_POSITIVE);
     }
 }
