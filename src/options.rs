@@ -112,8 +112,8 @@ impl Default for PrefilterOptions {
 impl Default for Options {
     fn default() -> Self {
         let kernel = |patch_radius, bandwidth, demodulate| Kernel { patch_radius, bandwidth, demodulate };
-        let color = vec![kernel(1, 0.6, false), kernel(1, 1.2, false), kernel(3, 1.0, false)];
-        let albedo = vec![kernel(1, 1.2, true), kernel(3, 1.0, true)];
+        let color = vec![kernel(1, 0.6, false), kernel(1, 1.2, false)];
+        let albedo = vec![kernel(1, 1.2, true)];
         Self {
             window_radius: 7,
             center_spacing: 4,
@@ -125,7 +125,7 @@ impl Default for Options {
             features: vec![FeatureKind::Normal, FeatureKind::Albedo, FeatureKind::Depth, FeatureKind::Other],
             outliers: OutlierOptions::default(),
             prefilter: PrefilterOptions::default(),
-            noise_weight: 0.5,
+            noise_weight: 0.25,
             variance_radius: 2,
             risk_power: 0.5,
             dark_level: 0.4,
@@ -149,6 +149,28 @@ impl Options {
             restore: false,
             outliers: OutlierOptions { deviations: 3.0, ..OutlierOptions::default() },
             ..Self::default()
+        }
+    }
+
+    /// The presets by name, fastest first.
+    pub const PRESETS: [&str; 4] = ["fast", "balanced", "best", "published"];
+
+    /// The options of a preset; `None` for a name that is not in [`Self::PRESETS`].
+    pub fn preset(name: &str) -> Option<Self> {
+        let balanced = Self::default();
+        match name {
+            "fast" => Some(Self { center_spacing: 6, max_order: 2, window_radius: 6, ..balanced }),
+            "balanced" => Some(balanced),
+            "best" => {
+                // Larger patches tell smooth from noisy better, at six times the price of the small ones.
+                let patch = |demodulate| Kernel { patch_radius: 3, bandwidth: 1.0, demodulate };
+                let mut stages = balanced.stages.clone();
+                stages[0].push(patch(false));
+                stages[1].extend([patch(false), patch(true)]);
+                Some(Self { center_spacing: 3, stages, ..balanced })
+            }
+            "published" => Some(Self::published()),
+            _ => None,
         }
     }
 
@@ -204,8 +226,11 @@ mod tests {
 
     #[test]
     fn what_is_built_in_passes_its_own_check() {
-        assert_eq!(Options::default().check(), Ok(()));
-        assert_eq!(Options::published().check(), Ok(()));
+        assert_eq!(Options::preset("balanced"), Some(Options::default()));
+        for name in Options::PRESETS {
+            assert_eq!(Options::preset(name).unwrap().check(), Ok(()), "{name}");
+        }
+        assert_eq!(Options::preset("quick"), None);
     }
 
     #[test]

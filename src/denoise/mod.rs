@@ -131,11 +131,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
 
     observer.stage(Stage::Energy);
     if options.restore {
-        let shares = restore::shares(&clean.color, &result.color(), &smoothed);
-        for (plane, noisy) in result.targets.iter_mut().zip(targets(&clean)) {
-            restore::apply(plane, noisy, &shares);
-        }
-        restore::apply(&mut result.mse, &mean(&smoothed), &shares);
+        restore_lost(&mut result, &clean, &smoothed);
     }
     let beauty = result.color();
     for (t, (plane, taken)) in result.targets.iter_mut().zip(&taken).enumerate() {
@@ -145,6 +141,20 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
     result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
     Ok(assemble(frame, result, summary))
+}
+
+/// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
+fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) {
+    let shares = restore::detail_shares(&clean.color, &result.color(), variance);
+    for (plane, noisy) in result.targets.iter_mut().zip(targets(clean)) {
+        restore::blend(plane, noisy, &shares);
+    }
+    restore::blend(&mut result.mse, &mean(variance), &shares);
+    let factors: Rgb =
+        std::array::from_fn(|c| restore::light_factors(&clean.color[c], &result.targets[c], &variance[c]));
+    for (t, plane) in result.targets.iter_mut().enumerate() {
+        plane.data_mut().iter_mut().zip(factors[t % 3].data()).for_each(|(value, factor)| *value *= factor);
+    }
 }
 
 /// Guides for the weights: the noisy colour, and colour over albedo where a kernel asks for it.

@@ -1,42 +1,82 @@
-//! What the residual shows to be more than noise comes back.
+//! What the residual shows to be more than noise comes back: detail, then light.
 //!
 //! Around a pixel the residual y − ŷ should hold no more energy than the noise, N = Σ σ². Where it holds
 //! more, S = Σ (y − ŷ)² > N, the reconstruction has lost something, and the positive-part James–Stein
 //! estimate ŷ + max(0, 1 − N/S)(y − ŷ) has less risk than y itself wherever ŷ comes from. So the result
 //! converges to the truth as samples are added, and detail that no feature knows survives.
 //!
-//! `[choice]` N is raised by a margin of its own chance deviation, since S is a sum over few pixels.
+//! Weights that distrust bright and noisy samples lose light on the average. Over some more pixels the
+//! mean residual shows that too: where it stands out of its own noise, ŷ is multiplied by what is missing.
+//!
+//! `[choice]` both are shrunk by a margin, so that chance alone gives nothing back. Light: 16 spp, four
+//! dark scenes with heavy tails: relMSE ×0.96, energy of bright defocused discs from −36 % to −18 %; no
+//! change elsewhere. Radius 15 returns more light but to the wrong pixels (discs: relMSE ×1.7).
 
 use super::variance::smooth;
 use crate::image::{Plane, Rgb};
 
-/// Radius of the neighbourhood over which S and N are summed.
-const RADIUS: usize = 2;
+/// Radius of the neighbourhood over which S and N are summed for detail.
+const DETAIL_RADIUS: usize = 2;
 
 /// Factor on N under which a residual passes for noise. The relative deviation of S over 25 pixels of
 /// Gaussian noise is √(2/25) = 0.28; two of them, and heavier tails, are let pass.
-const MARGIN: f32 = 2.0;
+const DETAIL_MARGIN: f32 = 2.0;
+
+/// Radius of the neighbourhood over which the residual's mean is taken for light.
+const LIGHT_RADIUS: usize = 4;
+
+/// Squared number of deviations that a mean residual must stand out of its noise.
+const LIGHT_MARGIN: f32 = 9.0;
+
+/// Light is at most doubled and at most halved.
+const LIGHT_RANGE: (f32, f32) = (0.5, 2.0);
 
 /// The share of the residual to give back at every pixel, 0 to 1.
-pub fn shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane {
+pub fn detail_shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane {
     let (width, height) = noisy[0].size();
     let residual = Plane::from_fn(width, height, |x, y| {
-        noisy.iter().zip(reconstruction).map(|(a, b)| (a.get(x, y) - b.get(x, y)).powi(2)).sum()
+        noisy
+            .iter()
+            .zip(reconstruction)
+            .map(|(a, b)| (a.get(x, y) - b.get(x, y)).powi(2))
+            .sum::<f32>()
+            .min(f32::MAX)
     });
     let noise = Plane::from_fn(width, height, |x, y| variance.iter().map(|v| v.get(x, y)).sum());
-    let (residual, noise) = (smooth(&residual, RADIUS), smooth(&noise, RADIUS));
+    let (residual, noise) = (smooth(&residual, DETAIL_RADIUS), smooth(&noise, DETAIL_RADIUS));
     let shares = Plane::from_fn(width, height, |x, y| {
         let (s, n) = (residual.get(x, y), noise.get(x, y));
-        if s > 0.0 { (1.0 - MARGIN * n / s).max(0.0) } else { 0.0 }
+        if s > 0.0 { (1.0 - DETAIL_MARGIN * n / s).max(0.0) } else { 0.0 }
     });
     smooth(&shares, 1)
 }
 
 /// plane ← plane + share · (noisy − plane).
-pub fn apply(plane: &mut Plane, noisy: &Plane, shares: &Plane) {
+pub fn blend(plane: &mut Plane, noisy: &Plane, shares: &Plane) {
     for ((value, noisy), share) in plane.data_mut().iter_mut().zip(noisy.data()).zip(shares.data()) {
         *value += share * (noisy - *value);
     }
+}
+
+/// The factor by which every pixel of one channel is to be multiplied: 1 where the mean residual around
+/// it is within its noise.
+pub fn light_factors(noisy: &Plane, reconstruction: &Plane, variance: &Plane) -> Plane {
+    let (width, height) = noisy.size();
+    let missing = Plane::from_fn(width, height, |x, y| noisy.get(x, y) - reconstruction.get(x, y));
+    let missing = smooth(&missing, LIGHT_RADIUS);
+    let light = smooth(reconstruction, LIGHT_RADIUS);
+    let noise = smooth(variance, LIGHT_RADIUS);
+    let pixels = (2 * LIGHT_RADIUS + 1).pow(2) as f32;
+    Plane::from_fn(width, height, |x, y| {
+        let (missing, light) = (missing.get(x, y), light.get(x, y));
+        let chance = LIGHT_MARGIN * noise.get(x, y) / pixels;
+        let signal = missing * missing;
+        if light > 0.0 && signal > chance {
+            (1.0 + missing / light * (1.0 - chance / signal)).clamp(LIGHT_RANGE.0, LIGHT_RANGE.1)
+        } else {
+            1.0
+        }
+    })
 }
 
 #[cfg(test)]
@@ -52,11 +92,22 @@ mod tests {
         let noisy = grey(|x, y| if x < 8 { 1.0 + 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0) } else { 5.0 });
         let flat = grey(|_, _| 1.0);
         let variance = grey(|_, _| 0.02);
-        let shares = shares(&noisy, &flat, &variance);
+        let shares = detail_shares(&noisy, &flat, &variance);
         assert_eq!(shares.get(1, 6), 0.0);
         assert!(shares.get(14, 6) > 0.99);
         let mut restored = flat[0].clone();
-        apply(&mut restored, &noisy[0], &shares);
+        blend(&mut restored, &noisy[0], &shares);
         assert!((restored.get(14, 6) - 5.0).abs() < 0.05);
+    }
+
+    #[test]
+    fn light_comes_back_where_it_is_missing_beyond_chance() {
+        let noisy = Plane::from_fn(40, 12, |x, y| {
+            let noise = 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0);
+            if x < 20 { 1.0 + noise } else { 1.5 + noise }
+        });
+        let factors = light_factors(&noisy, &Plane::filled(40, 12, 1.0), &Plane::filled(40, 12, 0.02));
+        assert_eq!(factors.get(5, 6), 1.0);
+        assert!((1.45..1.5).contains(&factors.get(34, 6)), "{}", factors.get(34, 6));
     }
 }
