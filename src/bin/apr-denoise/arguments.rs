@@ -7,7 +7,7 @@ use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use crate::settings::{PRESETS, Preset};
+use crate::settings::Preset;
 
 /// Denoise a Monte Carlo render.
 ///
@@ -120,7 +120,7 @@ fn variance_kind() -> impl TypedValueParser<Value = VarianceKind> {
 }
 
 fn preset() -> impl TypedValueParser<Value = Preset> {
-    one_of(&PRESETS)
+    one_of(&apr::Options::PRESETS)
 }
 
 fn positive(text: &str) -> Result<f32, String> {

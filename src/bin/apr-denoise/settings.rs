@@ -6,11 +6,8 @@ use serde_json::Value;
 
 use crate::arguments::Arguments;
 
-/// A name for a set of options.
+/// A set of options that has a name.
 pub type Preset = fn() -> Options;
-
-/// What `--preset` takes.
-pub const PRESETS: [(&str, Preset); 2] = [("balanced", Options::default), ("published", Options::published)];
 
 /// The options: the preset's, then the file's, then each `--set` in turn.
 ///
