@@ -44,6 +44,9 @@ pub struct Options {
     pub restore: bool,
 }
 
+/// Makes a set of options that has a name.
+pub type Preset = fn() -> Options;
+
 /// One family of weights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -153,7 +156,7 @@ impl Options {
     }
 
     /// The presets by name, fastest first.
-    pub const PRESETS: [(&'static str, fn() -> Self); 4] = [
+    pub const PRESETS: [(&'static str, Preset); 4] = [
         ("fast", Self::fast),
         ("balanced", Self::default),
         ("best", Self::best),

@@ -4,10 +4,9 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
+use apr::options::Preset;
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-
-use crate::settings::Preset;
 
 /// Denoise a Monte Carlo render.
 ///

@@ -6,9 +6,6 @@ use serde_json::Value;
 
 use crate::arguments::Arguments;
 
-/// A set of options that has a name.
-pub type Preset = fn() -> Options;
-
 /// The options: the preset's, then the file's, then each `--set` in turn.
 ///
 /// # Errors
