@@ -1,4 +1,43 @@
-//! Adaptive Polynomial Rendering (Moon et al. 2016): a denoiser for Monte Carlo renders.
+//! Adaptive Polynomial Rendering (Moon, McDonagh, Mitchell, Gross, SIGGRAPH 2016): a denoiser for Monte
+//! Carlo renders.
+//!
+//! A [`Frame`] goes in, a [`Denoised`] comes out, and [`denoise()`] is the pipeline:
+//!
+//! 1. repair NaN and infinities, bring the picture to a known exposure;
+//! 2. take outliers out and remember their energy;
+//! 3. filter noisy features;
+//! 4. around sparse centres fit a polynomial in pixel position plus a linear function of the features, by
+//!    weights that compare the noisy colours; judge every order by its estimated risk;
+//! 5. average the overlapping fits by that risk;
+//! 6. again, with the result as the witness of bias (every stage fits the noisy data);
+//! 7. restore what the residual shows to be lost, give the outliers' energy back.
+//!
+//! # The input contract
+//!
+//! | what | shape | unit and range | missing |
+//! |---|---|---|---|
+//! | colour | 3 planes | linear radiance, any scale; NaN and ±Inf are repaired and counted | not allowed |
+//! | variance | 3 planes | of the *mean*, radiance², ≥ 0; others are repaired and counted | half buffers, else estimated from the picture |
+//! | half buffers | 2 × 3 planes | means of two independent halves, their average is the colour | done without |
+//! | features | any number of planes | any unit; NaN is repaired; constant ones are left out | done without |
+//! | AOVs | 3 planes each | radiance; they go through the beauty's operator | none |
+//!
+//! Planes are row major, top row first, and all of the colour's size.
+//!
+//! ```
+//! use apr::image::Plane;
+//! use apr::{Frame, Options, denoise};
+//!
+//! let (width, height) = (32, 18);
+//! let grain = |x: usize, y: usize| 0.1 * ((x * 7919 + y * 104_729) % 13) as f32 / 13.0;
+//! let color = std::array::from_fn(|_| Plane::from_fn(width, height, |x, y| 0.5 + grain(x, y)));
+//! let variance = std::array::from_fn(|_| Plane::filled(width, height, 8e-4));
+//! let frame = Frame::new(color)?.with_variance_of_mean(variance)?;
+//! let result = denoise(&frame, &Options::default())?;
+//! assert_eq!(result.color[0].size(), (width, height));
+//! assert!(result.mse.data().iter().all(|mse| *mse < 8e-4));
+//! # Ok::<(), apr::Error>(())
+//! ```
 
 pub mod denoise;
 pub mod error;

@@ -12,7 +12,7 @@
 use super::gram::Gram;
 
 /// A pivot below this share of its column's energy counts as zero. The Gram matrices are good to 1e-6,
-/// so what is kept has at least three digits. `[choice]` method.md trap 6: 1e-5 gave NaN.
+/// so what is kept has at least three digits. `[choice]` at 1e-5 a prototype gave NaN.
 pub const PIVOT_THRESHOLD: f64 = 1e-3;
 
 /// The factorisation of one window's normal equations; buffers are kept between windows.

@@ -81,7 +81,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     let exposure = exposure::scale(&clean.color);
     expose(&mut clean, &mut variance, exposure);
 
-    // Outliers go, their energy is kept (Moon et al. 2016; method.md §1).
+    // Outliers go, their energy is kept (Moon et al. 2016).
     observer.stage(Stage::Outliers);
     let outliers = if options.outliers.enabled {
         outlier::find(&clean.color, &variance, clean.halves.as_ref(), &options.outliers)
@@ -99,7 +99,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     let (features, albedo) = design_features(&clean, options, &mut summary);
     let smoothed: Rgb = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
 
-    // Multi-stage reconstruction: y for μ at first, then the stage before (method.md §1, §2).
+    // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
     let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
     let basis = Basis::new(options.window_radius, features.len(), options.max_order);
     let mut stage: Option<reconstruct::Stage> = None;

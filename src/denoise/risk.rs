@@ -51,7 +51,8 @@ pub struct Choice {
 /// Risks of orders are told apart down to this share of the noise; it keeps their ratios finite.
 pub const RISK_RESOLUTION: f64 = 1e-3;
 
-/// Sharpness of the soft choice: exp(−2 (ξ_k/ξ_min − 1)), method.md §3.
+/// Sharpness of the soft choice, exp(−2 (ξ_k/ξ_min − 1)). `[choice]` 1 is worse: relMSE ×1.01 on twelve scenes
+/// at 16 spp.
 const SOFTNESS: f64 = 2.0;
 
 /// A factorised window, as the risk sees it.
