@@ -26,6 +26,9 @@ use sanitize::Clean;
 use solver::{Demodulation, Problem};
 use weights::Guide;
 
+/// Albedo beyond this is none: what is divided by it and multiplied by it again keeps its order.
+const LARGEST_ALBEDO: f32 = 100.0;
+
 /// The stages of a run, in order, for progress and timing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stage {
@@ -78,7 +81,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
         summary.notes.push("nothing to do: the picture has no noise (its variance is 0 everywhere)".into());
         return Ok(unchanged(frame, clean, summary));
     }
-    let exposure = exposure::scale(&clean.color);
+    let exposure = exposure::scale(&clean.color, targets(&clean));
     expose(&mut clean, &mut variance, exposure);
 
     // Outliers go, their energy is kept (Moon et al. 2016).
@@ -190,7 +193,7 @@ fn design_features(clean: &Clean, options: &Options, summary: &mut Summary) -> (
         if let (FeatureKind::Albedo, [r, g, b]) = (feature.kind, &filtered[..]) {
             let floored = |plane: &Plane| {
                 Plane::from_fn(plane.width(), plane.height(), |x, y| {
-                    plane.get(x, y).max(0.0) + options.albedo_floor
+                    plane.get(x, y).clamp(0.0, LARGEST_ALBEDO) + options.albedo_floor
                 })
             };
             albedo.get_or_insert_with(|| [floored(r), floored(g), floored(b)]);
@@ -222,10 +225,7 @@ fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
     for plane in clean.halves.iter_mut().flatten().flatten() {
         exposure::expose(plane, factor);
     }
-    for plane in variance {
-        exposure::expose(plane, factor);
-        exposure::expose(plane, factor);
-    }
+    variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
 }
 
 fn mean(planes: &Rgb) -> Plane {

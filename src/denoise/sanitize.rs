@@ -56,21 +56,18 @@ pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
         summary.repaired_variance = repair(&mut planes, |v| (0.0..=LARGEST_VARIANCE).contains(&v));
     }
     for feature in &mut clean.features {
+        // Limited first: what is far to both sides has no mean.
         let mut planes: Vec<&mut Plane> = feature.planes.iter_mut().collect();
+        planes.iter_mut().for_each(|plane| limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE));
         summary.repaired_features += repair(&mut planes, |v| !v.is_nan());
-        for plane in planes {
-            limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE);
-        }
         for plane in feature.halves.iter_mut().flatten().flatten() {
-            repair(&mut [plane], |v| !v.is_nan());
             limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE);
+            repair(&mut [plane], |v| !v.is_nan());
         }
         if let Some(variance) = &mut feature.var_of_mean {
             let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
+            planes.iter_mut().for_each(|plane| limit(plane, f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE));
             summary.repaired_variance += repair(&mut planes, |v| v >= 0.0);
-            for plane in planes {
-                limit(plane, 0.0, LARGEST_FEATURE * LARGEST_FEATURE);
-            }
         }
     }
     clean
@@ -151,6 +148,16 @@ mod tests {
         let mut plane = Plane::filled(3, 2, f32::NAN);
         assert_eq!(repair(&mut [&mut plane], f32::is_finite), 6);
         assert_eq!(plane.data(), &[0.0; 6]);
+    }
+
+    #[test]
+    fn nan_between_infinities_of_both_signs_becomes_a_number() {
+        let grey = || std::array::from_fn(|_| Plane::filled(3, 1, 1.0));
+        let plane = Plane::from_vec(3, 1, vec![f32::INFINITY, f32::NAN, f32::NEG_INFINITY]).unwrap();
+        let depth = Feature::new("depth", crate::FeatureKind::Depth, vec![plane]);
+        let frame = Frame::new(grey()).and_then(|frame| frame.with_feature(depth)).unwrap();
+        let clean = apply(&frame, &mut Summary::default());
+        assert_eq!(clean.features[0].planes[0].data(), &[LARGEST_FEATURE, 0.0, -LARGEST_FEATURE]);
     }
 
     #[test]
