@@ -65,6 +65,8 @@ pub struct Solver<'a> {
     noise: Vec<f32>,
     /// The design's columns, the targets', the pilot's.
     columns: Vec<f32>,
+    /// What the right-hand sides were multiplied by.
+    scales: Vec<f32>,
     /// Weighted means that were taken out of the right-hand sides.
     means: Vec<f32>,
     scratch: Vec<f32>,
@@ -89,6 +91,7 @@ impl<'a> Solver<'a> {
             weighted_noise: vec![],
             noise: vec![],
             columns: vec![],
+            scales: vec![],
             means: vec![],
             scratch: vec![],
             gram: Gram::default(),
@@ -194,14 +197,23 @@ impl<'a> Solver<'a> {
     }
 
     /// Scales radiance by the power of two that brings the window's largest, or its noise where that is
-    /// larger, to about 1, so that squares stay inside `f32`; returns the factor.
+    /// larger, to about 1, so that squares stay inside `f32`; returns the factor. AOVs enter no square:
+    /// each of their channels has a factor of its own, so that none bears on the colour.
     #[inline(always)]
     fn scale_radiance(&mut self, window: &Window) -> f32 {
+        let aovs = 3..self.problem.targets.len();
         let rhs = &mut self.columns[self.problem.basis.columns() * window.stride..];
-        let largest = rhs.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
-        let noise = self.noise.iter().fold(0.0f32, |largest, &v| largest.max(v)).sqrt();
-        let scale = condition::power_of_two_near_inverse(largest.max(noise));
-        rhs.iter_mut().for_each(|v| *v *= scale);
+        let most = |values: &[f32]| values.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
+        let columns = rhs.chunks_exact(window.stride).enumerate();
+        let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| most(c)).fold(0.0, f32::max);
+        let scale = condition::power_of_two_near_inverse(largest.max(most(&self.noise).sqrt()));
+        self.scales.clear();
+        for (t, column) in rhs.chunks_exact_mut(window.stride).enumerate() {
+            let own =
+                if aovs.contains(&t) { condition::power_of_two_near_inverse(most(column)) } else { scale };
+            column.iter_mut().for_each(|v| *v *= own);
+            self.scales.push(own);
+        }
         self.noise.iter_mut().for_each(|v| *v = *v * scale * scale);
         scale
     }
@@ -282,10 +294,11 @@ impl<'a> Solver<'a> {
         self.predicted.clear();
         self.predicted.resize(targets * stride, 0.0);
         for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
-            out.fill((f64::from(self.means[t]) / f64::from(scale)) as f32);
+            let own = f64::from(self.scales[t]);
+            out.fill((f64::from(self.means[t]) / own) as f32);
             self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
             for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
-                let beta = (*beta / f64::from(scale)) as f32;
+                let beta = (*beta / own) as f32;
                 if beta != 0.0 {
                     out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
                 }
