@@ -198,10 +198,18 @@ mod tests {
             let columns = Columns { data: &data, stride, p, r, weights: &weights, weighted_noise: &noise };
             let mut fast = Gram::default();
             accumulate(Arch::new(), columns, &mut fast);
+            // The widest tier of this machine, one lane, and lanes of the other widths emulated.
+            let mut tiers = vec![fast.clone(); 5];
+            Kernel { columns, gram: &mut tiers[1] }.with_simd(pulp::Scalar);
+            Kernel { columns, gram: &mut tiers[2] }.with_simd(pulp::Scalar128b);
+            Kernel { columns, gram: &mut tiers[3] }.with_simd(pulp::Scalar256b);
+            Kernel { columns, gram: &mut tiers[4] }.with_simd(pulp::Scalar512b);
             let slow = scalar(columns);
-            for (fast, slow) in [(&fast.a, &slow.a), (&fast.b, &slow.b), (&fast.rhs, &slow.rhs)] {
-                for (index, (f, s)) in fast.iter().zip(slow).enumerate() {
-                    assert!((f - s).abs() < 2e-5, "p {p}, entry {index}: {f} against {s}");
+            for fast in &tiers {
+                for (fast, slow) in [(&fast.a, &slow.a), (&fast.b, &slow.b), (&fast.rhs, &slow.rhs)] {
+                    for (index, (f, s)) in fast.iter().zip(slow).enumerate() {
+                        assert!((f - s).abs() < 2e-5, "p {p}, entry {index}: {f} against {s}");
+                    }
                 }
             }
         }
