@@ -20,6 +20,7 @@ use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::Kernel;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Rows of one band: enough that the halo is no burden, few enough that all threads have work.
@@ -106,7 +107,7 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + 
     let tick = || progress(done.fetch_add(1, Ordering::Relaxed) as f32 / (2 * bands) as f32);
 
     let on_grid = |i: usize| i % spacing == spacing / 2;
-    in_bands(problem, &mut sums, |solver, local, rows, _| {
+    in_bands(problem, &mut sums, |solver, local, rows| {
         for y in rows.filter(|&y| on_grid(y)) {
             for x in (spacing / 2..width).step_by(spacing) {
                 center(problem, solver, local, (x, y), kernels);
@@ -118,10 +119,11 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + 
     let bandwidth = kernels.iter().fold(0.0f32, |widest, kernel| widest.max(kernel.bandwidth));
     let widest: Vec<Kernel> =
         kernels.iter().copied().filter(|kernel| kernel.bandwidth == bandwidth).collect();
-    in_bands(problem, &mut sums, |solver, local, rows, grid| {
+    let grid = Plane::from_fn(width, height, |x, y| sums.coverage(x, y));
+    in_bands(problem, &mut sums, |solver, local, rows| {
         for y in rows {
             for x in 0..width {
-                let coverage = grid.coverage(x, y) + local.coverage(x, y);
+                let coverage = grid.get(x, y) + local.coverage(x, y);
                 if coverage < problem.options.min_coverage && worth_a_fit(problem, x, y) {
                     center(problem, solver, local, (x, y), &widest);
                 }
@@ -133,31 +135,32 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + 
 }
 
 /// Runs `work` on every band, in parallel, and adds what it sums to `sums` in the bands' order. `work`
-/// gets a solver, the band's own sums, its rows, and the sums so far.
+/// gets a solver, the band's own sums and its rows.
 fn in_bands(
     problem: &Problem<'_>,
     sums: &mut Sums,
-    work: impl Fn(&mut Solver<'_>, &mut Sums, std::ops::Range<usize>, &Sums) + Sync,
+    work: impl Fn(&mut Solver<'_>, &mut Sums, Range<usize>) + Sync,
 ) {
     let (width, height) = problem.targets[0].size();
     let radius = problem.options.window_radius;
     let bands: Vec<usize> = (0..height.div_ceil(BAND)).collect();
-    let before = &*sums;
-    let mut collected: Vec<Sums> = Vec::new();
     for group in bands.chunks(GROUP) {
-        collected.par_extend(group.par_iter().map_init(
-            || Solver::new(problem),
-            |solver, band| {
-                let rows = band * BAND..((band + 1) * BAND).min(height);
-                let y0 = rows.start.saturating_sub(radius);
-                let y1 = (rows.end + radius).min(height);
-                let mut local = Sums::new(y0, y1 - y0, width, problem.targets.len());
-                work(solver, &mut local, rows, before);
-                local
-            },
-        ));
+        let done: Vec<Sums> = group
+            .par_iter()
+            .map_init(
+                || Solver::new(problem),
+                |solver, band| {
+                    let rows = band * BAND..((band + 1) * BAND).min(height);
+                    let y0 = rows.start.saturating_sub(radius);
+                    let y1 = (rows.end + radius).min(height);
+                    let mut local = Sums::new(y0, y1 - y0, width, problem.targets.len());
+                    work(solver, &mut local, rows);
+                    local
+                },
+            )
+            .collect();
+        done.iter().for_each(|band| sums.add(band));
     }
-    collected.iter().for_each(|band| sums.add(band));
 }
 
 /// Fits every kernel at a centre and adds what it predicts.
