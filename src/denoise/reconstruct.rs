@@ -41,6 +41,9 @@ const LARGEST_RISK: f32 = 1e30;
 /// How far below the darkest pixel of its window (or black) a prediction may lie, in dark levels.
 const SWING: f32 = 0.02;
 
+/// Predictions beyond this are a fit out of `f32`'s range; with its weight a value must stay in it.
+const LARGEST_PREDICTION: f32 = 1e34;
+
 /// What a stage gives, exposed.
 pub struct Stage {
     /// Reconstruction of every target.
@@ -190,7 +193,11 @@ fn center(
         // In the first stage the risk is that of noisy data: it would favour chance.
         let trust = if problem.pilot.is_some() { (xi + floor).powf(-options.risk_power) } else { 1.0 };
         for (i, &k) in fitted.kernel[..window.pixels()].iter().enumerate().filter(|(_, k)| **k > 0.0) {
-            if (0..3).any(|c| fitted.predicted[c * window.stride + i] < least[c]) {
+            let within = |t: usize| {
+                let value = fitted.predicted[t * window.stride + i];
+                value.abs() <= LARGEST_PREDICTION && (t >= 3 || value >= least[t])
+            };
+            if !(0..problem.targets.len()).all(within) {
                 continue;
             }
             let pixel = sums.pixel(window.x0 + i % window.width, window.y0 + i / window.width);
