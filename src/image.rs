@@ -107,6 +107,12 @@ pub fn black(width: usize, height: usize) -> Rgb {
     std::array::from_fn(|_| Plane::filled(width, height, 0.0))
 }
 
+/// The mean over the three channels, pixel by pixel.
+pub fn mean_of_channels(planes: &Rgb) -> Plane {
+    let (width, height) = planes[0].size();
+    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

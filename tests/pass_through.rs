@@ -73,14 +73,7 @@ fn every_lossless_encoding_and_window_survives() {
         blocks: Blocks::Tiles(Vec2(16, 8)),
         line_order,
     };
-    let codecs = [
-        Compression::Uncompressed,
-        Compression::RLE,
-        Compression::ZIP1,
-        Compression::ZIP16,
-        Compression::PIZ,
-    ];
-    let mut encodings: Vec<Encoding> = codecs.map(scan_lines).to_vec();
+    let mut encodings: Vec<Encoding> = LOSSLESS.map(scan_lines).to_vec();
     encodings.push(Encoding { line_order: LineOrder::Decreasing, ..scan_lines(Compression::ZIP16) });
     encodings.extend([
         tiles(LineOrder::Unspecified),

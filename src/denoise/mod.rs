@@ -19,7 +19,7 @@ mod window;
 
 use crate::error::Result;
 use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, mean_of_channels};
 use crate::options::Options;
 use basis::Basis;
 use sanitize::Clean;
@@ -142,6 +142,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     }
     result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
+    // A factor out of range makes 0·∞, which is no number: min takes the other.
     result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
     Ok(assemble(frame, result, summary))
 }
@@ -152,7 +153,7 @@ fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) 
     for (plane, noisy) in result.targets.iter_mut().zip(targets(clean)) {
         restore::blend(plane, noisy, &shares);
     }
-    restore::blend(&mut result.mse, &mean(variance), &shares);
+    restore::blend(&mut result.mse, &mean_of_channels(variance), &shares);
     let factors: Rgb =
         std::array::from_fn(|c| restore::light_factors(&clean.color[c], &result.targets[c], &variance[c]));
     for (t, plane) in result.targets.iter_mut().enumerate() {
@@ -226,11 +227,6 @@ fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
         exposure::expose(plane, factor);
     }
     variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
-}
-
-fn mean(planes: &Rgb) -> Plane {
-    let (width, height) = planes[0].size();
-    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0)
 }
 
 fn unchanged(frame: &Frame, clean: Clean, summary: Summary) -> Denoised {

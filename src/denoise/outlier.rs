@@ -9,7 +9,7 @@
 //! sample saw is flattened: fine foliage at 256 spp went from relMSE 0.0024, the input's, to 0.0070. With half buffers, half their difference is a second
 //! witness of the pixel's own deviation: a firefly sits in one half only.
 
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, mean_of_channels};
 use crate::options::OutlierOptions;
 use rayon::prelude::*;
 
@@ -38,8 +38,7 @@ pub fn find(
     options: &OutlierOptions,
 ) -> Vec<Outlier> {
     let (width, height) = color[0].size();
-    let intensity =
-        Plane::from_fn(width, height, |x, y| color.iter().map(|c| c.get(x, y)).sum::<f32>() / 3.0);
+    let intensity = mean_of_channels(color);
     let deviation = Plane::from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
         let own = variance.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0;

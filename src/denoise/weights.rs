@@ -91,9 +91,9 @@ impl Guide {
             let (up, vp) = (plane[p], variance[p]);
             let (uq, vq) = (&plane[q..q + BLOCK], &variance[q..q + BLOCK]);
             for i in 0..BLOCK {
-                let difference = up - uq[i];
-                numerator[i] += difference * difference - (vp + vp.min(vq[i]));
-                scale[i] += vp + vq[i];
+                let terms = terms((up, vp), (uq[i], vq[i]));
+                numerator[i] += terms.0;
+                scale[i] += terms.1;
             }
         }
         for i in 0..BLOCK {
@@ -120,9 +120,9 @@ impl Guide {
                 let (up, uq) = (&plane[cut(&p)], &plane[cut(&q)]);
                 let (vp, vq) = (&variance[cut(&p)], &variance[cut(&q)]);
                 for i in 0..n {
-                    let difference = up[i] - uq[i];
-                    numerator[i] += difference * difference - (vp[i] + vp[i].min(vq[i]));
-                    scale[i] += vp[i] + vq[i];
+                    let terms = terms((up[i], vp[i]), (uq[i], vq[i]));
+                    numerator[i] += terms.0;
+                    scale[i] += terms.1;
                 }
             }
             for i in 0..n {
@@ -130,6 +130,14 @@ impl Guide {
             }
         }
     }
+}
+
+/// What one channel of the pixels p and q, each a value and its variance, adds to the distance's
+/// numerator and denominator.
+#[inline(always)]
+fn terms((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> (f32, f32) {
+    let difference = up - uq;
+    (difference * difference - (vp + vp.min(vq)), vp + vq)
 }
 
 /// w = exp(−max(0, Δ²)/k²), 0 where that is under the threshold.

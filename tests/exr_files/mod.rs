@@ -51,6 +51,10 @@ pub fn layer(
     Layer::new(size, attributes, encoding, AnyChannels::sort(channels.into()))
 }
 
+/// The codecs that keep every bit of every sample type.
+pub const LOSSLESS: [Compression; 5] =
+    [Compression::Uncompressed, Compression::RLE, Compression::ZIP1, Compression::ZIP16, Compression::PIZ];
+
 /// Scan lines, the usual way.
 pub fn scan_lines(compression: Compression) -> Encoding {
     Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing }
