@@ -15,6 +15,26 @@ pub struct Rect {
     pub height: usize,
 }
 
+impl Rect {
+    /// All of a picture of `size`.
+    pub fn whole((width, height): (usize, usize)) -> Self {
+        Self { x: 0, y: 0, width, height }
+    }
+
+    /// Whether the pixel at column `x`, row `y` lies in it.
+    pub fn contains(&self, x: usize, y: usize) -> bool {
+        (self.x..self.x + self.width).contains(&x) && (self.y..self.y + self.height).contains(&y)
+    }
+
+    /// `by` pixels more on every side, clipped to a picture of `size`.
+    #[must_use]
+    pub fn grown(&self, by: usize, size: (usize, usize)) -> Self {
+        let (x, y) = (self.x.saturating_sub(by), self.y.saturating_sub(by));
+        let (right, bottom) = (self.x + self.width + by, self.y + self.height + by);
+        Self { x, y, width: right.min(size.0) - x, height: bottom.min(size.1) - y }
+    }
+}
+
 /// One channel of a picture: `width × height` samples, row major, top row first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plane {

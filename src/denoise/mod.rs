@@ -105,6 +105,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
     let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
     let basis = Basis::new(options.window_radius, features.len(), options.max_order);
+    let area = reconstruct::Area::whole((frame.width(), frame.height()));
     let mut stage: Option<reconstruct::Stage> = None;
     for (n, kernels) in options.stages.iter().enumerate() {
         observer.stage(Stage::Fit(n + 1));
@@ -124,7 +125,7 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
             basis: &basis,
             options,
         };
-        let result = reconstruct::run(&problem, kernels, &|done| observer.progress(done));
+        let result = reconstruct::run(&problem, kernels, area, &|done| observer.progress(done));
         summary.centres += result.fits;
         summary.coverage_centres += result.coverage_fits;
         summary.orders = result.orders;

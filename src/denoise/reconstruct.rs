@@ -12,22 +12,24 @@
 //! resembles it that narrow ones would give the pixel back as it is. Half the fits, relMSE ×0.975
 //! (three scenes at 64 spp).
 //!
-//! The picture is cut into bands of rows whose height is a constant, each band's sums are formed in
-//! one order, and bands are added in their order: the bits do not depend on the threads.
+//! The picture is cut into tiles whose place and size are constants, each tile's sums are formed in one
+//! order, and tiles are added in their order: the bits do not depend on the threads. The coverage test
+//! of a tile sees the centres of the grid and those it has added itself, not what other tiles add. So a
+//! pixel depends on pixels within a bounded distance alone, wherever the picture is cut.
 
 use super::solver::{Problem, Solver};
 use super::window::Window;
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rect, Rgb};
 use crate::options::Kernel;
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Rows of one band: enough that the halo is no burden, few enough that all threads have work.
-const BAND: usize = 16;
+/// Side of a tile in pixels: large enough that the windows' overhang is no burden and few pixels are
+/// covered twice at its border, small enough that all threads have work.
+const TILE: usize = 32;
 
-/// Bands in flight between two gatherings; bounds the memory.
-const GROUP: usize = 32;
+/// Tiles in flight between two gatherings; bounds the memory.
+const GROUP: usize = 256;
 
 /// Noise variance under this share of the radiance's square is not worth a fit.
 const NEGLIGIBLE_NOISE: f32 = 1e-8;
@@ -70,52 +72,107 @@ impl Stage {
 /// Sums of one pixel besides its targets: Σ a, Σ aξ, Σ a·order, Σ K.
 const EXTRA: usize = 4;
 
-/// Sums over some rows of the picture: per pixel the targets', then [`EXTRA`] more.
+/// Where a stage works; in the coordinates of the planes, which may be a part of the picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Area {
+    /// Column and row of the planes' first pixel in the picture, which the tiles and the grid are laid on.
+    pub origin: (usize, usize),
+    /// The pixels that are to come out as if the planes were the whole picture.
+    pub wanted: Rect,
+    /// The pixels whose centres are counted.
+    pub counted: Rect,
+}
+
+impl Area {
+    /// All of a picture.
+    pub fn whole(size: (usize, usize)) -> Self {
+        let rect = Rect::whole(size);
+        Self { origin: (0, 0), wanted: rect, counted: rect }
+    }
+}
+
+/// The tiles whose coverage centres reach `wanted`.
+fn tested(wanted: Rect, origin: (usize, usize), size: (usize, usize), radius: usize) -> Rect {
+    let reach = wanted.grown(radius, size);
+    let out = |from: usize, length: usize, origin: usize, limit: usize| {
+        let first = ((from + origin) / TILE * TILE).saturating_sub(origin);
+        let end = ((from + length + origin).next_multiple_of(TILE) - origin).min(limit);
+        (first, end - first)
+    };
+    let (x, width) = out(reach.x, reach.width, origin.0, size.0);
+    let (y, height) = out(reach.y, reach.height, origin.1, size.1);
+    Rect { x, y, width, height }
+}
+
+/// `rect` cut along the tiles, row by row.
+fn tiles(rect: Rect, origin: (usize, usize)) -> Vec<Rect> {
+    let cuts = |from: usize, length: usize, origin: usize| {
+        let end = from + length;
+        let next = move |at: &usize| Some((at + origin + 1).next_multiple_of(TILE) - origin);
+        let starts = std::iter::successors(Some(from), next).take_while(move |at| *at < end);
+        starts.map(move |at| (at, ((at + origin + 1).next_multiple_of(TILE) - origin).min(end) - at))
+    };
+    let columns: Vec<_> = cuts(rect.x, rect.width, origin.0).collect();
+    let rows = cuts(rect.y, rect.height, origin.1);
+    rows.flat_map(|(y, height)| columns.iter().map(move |&(x, width)| Rect { x, y, width, height })).collect()
+}
+
+/// Sums over a part of the picture: per pixel the targets', then [`EXTRA`] more.
 struct Sums {
-    y0: usize,
-    width: usize,
+    rect: Rect,
     depth: usize,
     data: Vec<f32>,
+    /// Where centres are counted.
+    counted: Rect,
     fits: usize,
     orders: [usize; 4],
 }
 
 impl Sums {
-    fn new(y0: usize, rows: usize, width: usize, targets: usize) -> Self {
+    fn new(rect: Rect, targets: usize, counted: Rect) -> Self {
         let depth = targets + EXTRA;
-        Self { y0, width, depth, data: vec![0.0; rows * width * depth], fits: 0, orders: [0; 4] }
+        let data = vec![0.0; rect.width * rect.height * depth];
+        Self { rect, depth, data, counted, fits: 0, orders: [0; 4] }
+    }
+
+    fn at(&self, x: usize, y: usize) -> usize {
+        ((y - self.rect.y) * self.rect.width + x - self.rect.x) * self.depth
     }
 
     fn pixel(&mut self, x: usize, y: usize) -> &mut [f32] {
-        let at = ((y - self.y0) * self.width + x) * self.depth;
+        let at = self.at(x, y);
         &mut self.data[at..at + self.depth]
     }
 
     fn coverage(&self, x: usize, y: usize) -> f32 {
-        self.data[((y - self.y0) * self.width + x) * self.depth + self.depth - 1]
+        self.data[self.at(x, y) + self.depth - 1]
     }
 
     fn add(&mut self, other: &Sums) {
-        let start = (other.y0 - self.y0) * self.width * self.depth;
-        self.data[start..].iter_mut().zip(&other.data).for_each(|(a, b)| *a += b);
+        let row = other.rect.width * other.depth;
+        for (dy, values) in other.data.chunks_exact(row).enumerate() {
+            let start = self.at(other.rect.x, other.rect.y + dy);
+            self.data[start..start + row].iter_mut().zip(values).for_each(|(a, b)| *a += b);
+        }
         self.fits += other.fits;
         self.orders.iter_mut().zip(other.orders).for_each(|(a, b)| *a += b);
     }
 }
 
 /// Runs one stage with all its kernels; `progress` hears the share that is done.
-pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + Sync)) -> Stage {
-    let (width, height) = problem.targets[0].size();
-    let spacing = problem.options.center_spacing;
-    let mut sums = Sums::new(0, height, width, problem.targets.len());
-    let bands = height.div_ceil(BAND);
-    let done = AtomicUsize::new(0);
-    let tick = || progress(done.fetch_add(1, Ordering::Relaxed) as f32 / (2 * bands) as f32);
+pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dyn Fn(f32) + Sync)) -> Stage {
+    let size @ (width, height) = problem.targets[0].size();
+    let (spacing, radius) = (problem.options.center_spacing, problem.options.window_radius);
+    let mut sums = Sums::new(Rect::whole(size), problem.targets.len(), area.counted);
+    let tested = tested(area.wanted, area.origin, size, radius);
+    let (grid_tiles, tested) = (tiles(tested.grown(radius, size), area.origin), tiles(tested, area.origin));
+    let (done, all) = (AtomicUsize::new(0), grid_tiles.len() + tested.len());
+    let tick = || progress(done.fetch_add(1, Ordering::Relaxed) as f32 / all as f32);
 
     let on_grid = |i: usize| i % spacing == spacing / 2;
-    in_bands(problem, &mut sums, |solver, local, rows| {
-        for y in rows.filter(|&y| on_grid(y)) {
-            for x in (spacing / 2..width).step_by(spacing) {
+    in_tiles(problem, &mut sums, &grid_tiles, |solver, local, tile| {
+        for y in (tile.y..tile.y + tile.height).filter(|y| on_grid(y + area.origin.1)) {
+            for x in (tile.x..tile.x + tile.width).filter(|x| on_grid(x + area.origin.0)) {
                 center(problem, solver, local, (x, y), kernels);
             }
         }
@@ -126,9 +183,9 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + 
     let widest: Vec<Kernel> =
         kernels.iter().copied().filter(|kernel| kernel.bandwidth == bandwidth).collect();
     let grid = Plane::from_fn(width, height, |x, y| sums.coverage(x, y));
-    in_bands(problem, &mut sums, |solver, local, rows| {
-        for y in rows {
-            for x in 0..width {
+    in_tiles(problem, &mut sums, &tested, |solver, local, tile| {
+        for y in tile.y..tile.y + tile.height {
+            for x in tile.x..tile.x + tile.width {
                 let coverage = grid.get(x, y) + local.coverage(x, y);
                 if coverage < problem.options.min_coverage && worth_a_fit(problem, x, y) {
                     center(problem, solver, local, (x, y), &widest);
@@ -140,32 +197,29 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], progress: &(dyn Fn(f32) + 
     finish(problem, sums, grid_fits)
 }
 
-/// Runs `work` on every band, in parallel, and adds what it sums to `sums` in the bands' order. `work`
-/// gets a solver, the band's own sums and its rows.
-fn in_bands(
+/// Runs `work` on every tile, in parallel, and adds what it sums to `sums` in the tiles' order. `work`
+/// gets a solver, the tile's own sums and the tile.
+fn in_tiles(
     problem: &Problem<'_>,
     sums: &mut Sums,
-    work: impl Fn(&mut Solver<'_>, &mut Sums, Range<usize>) + Sync,
+    tiles: &[Rect],
+    work: impl Fn(&mut Solver<'_>, &mut Sums, Rect) + Sync,
 ) {
-    let (width, height) = problem.targets[0].size();
-    let radius = problem.options.window_radius;
-    let bands: Vec<usize> = (0..height.div_ceil(BAND)).collect();
-    for group in bands.chunks(GROUP) {
+    let (radius, size) = (problem.options.window_radius, problem.targets[0].size());
+    let (targets, counted) = (problem.targets.len(), sums.counted);
+    for group in tiles.chunks(GROUP) {
         let done: Vec<Sums> = group
             .par_iter()
             .map_init(
                 || Solver::new(problem),
-                |solver, band| {
-                    let rows = band * BAND..((band + 1) * BAND).min(height);
-                    let y0 = rows.start.saturating_sub(radius);
-                    let y1 = (rows.end + radius).min(height);
-                    let mut local = Sums::new(y0, y1 - y0, width, problem.targets.len());
-                    work(solver, &mut local, rows);
+                |solver, tile| {
+                    let mut local = Sums::new(tile.grown(radius, size), targets, counted);
+                    work(solver, &mut local, *tile);
                     local
                 },
             )
             .collect();
-        done.iter().for_each(|band| sums.add(band));
+        done.iter().for_each(|tile| sums.add(tile));
     }
 }
 
@@ -210,8 +264,10 @@ fn center(
                 *value += term;
             }
         }
-        sums.fits += 1;
-        sums.orders[fitted.choice.best] += 1;
+        if sums.counted.contains(cx, cy) {
+            sums.fits += 1;
+            sums.orders[fitted.choice.best] += 1;
+        }
     }
 }
 
