@@ -4,11 +4,14 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};
 
+/// The largest radius of a window.
+pub const MAX_WINDOW_RADIUS: usize = 15;
+
 /// Options of [`crate::denoise()`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// Radius of the windows Ω_c in pixels, 1 to 15; 7 is 15×15.
+    /// Radius of the windows Ω_c in pixels, 1 to [`MAX_WINDOW_RADIUS`]; 7 is 15×15.
     pub window_radius: usize,
     /// Distance between the centres of the grid in pixels, 1 to 15; 1 puts a centre on every pixel.
     pub center_spacing: usize,
@@ -35,6 +38,9 @@ pub struct Options {
     pub variance_radius: usize,
     /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
     pub risk_power: f32,
+    /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along
+    /// each axis, d the distance from the centre; 0 is the published plain K.
+    pub taper_power: f32,
     /// Radiance, in units of the picture's exposure, under which errors count as absolute, not as
     /// relative ones. Its square is the floor of the risks.
     pub dark_level: f32,
@@ -131,6 +137,7 @@ impl Default for Options {
             noise_weight: 0.25,
             variance_radius: 2,
             risk_power: 0.5,
+            taper_power: 0.5,
             dark_level: 0.4,
             albedo_floor: 0.05,
             restore: true,
@@ -149,6 +156,7 @@ impl Options {
             stages: vec![kernels.clone(), kernels],
             noise_weight: 0.0,
             risk_power: 0.0,
+            taper_power: 0.0,
             restore: false,
             outliers: OutlierOptions { deviations: 3.0, ..OutlierOptions::default() },
             ..Self::default()
@@ -198,7 +206,7 @@ impl Options {
             Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
                 .remedy(format!("give a number that is {least}")))
         };
-        range("window_radius", self.window_radius, 1, 15)?;
+        range("window_radius", self.window_radius, 1, MAX_WINDOW_RADIUS)?;
         range("center_spacing", self.center_spacing, 1, 15)?;
         range("max_order", self.max_order, 0, 3)?;
         range("stages", self.stages.len(), 1, 8)?;
@@ -219,6 +227,7 @@ impl Options {
         positive("min_coverage", self.min_coverage, true)?;
         positive("noise_weight", self.noise_weight, true)?;
         positive("risk_power", self.risk_power, true)?;
+        positive("taper_power", self.taper_power, true)?;
         positive("dark_level", self.dark_level, false)?;
         positive("albedo_floor", self.albedo_floor, false)
     }
