@@ -1,5 +1,7 @@
 //! Every tunable of the denoiser, each with its one default.
 
+mod replace;
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};

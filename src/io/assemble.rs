@@ -9,7 +9,7 @@ use super::mapping::Target;
 use super::roles::Choice;
 use super::variance::{Samples, to_variance_of_mean};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Feature, FeatureKind, Frame};
+use crate::frame::{Aov, Feature, Frame};
 use crate::image::{Plane, Rgb};
 
 /// The planes that were read, handed out without a copy where possible.
@@ -105,12 +105,16 @@ pub(super) fn assemble(
     }
     for Target { role, feature: name, statistic } in choices.iter().map(|choice| &choice.target) {
         let (Role::Feature(kind), Statistic::Mean) = (*role, statistic) else { continue };
-        let mut settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks);
-        settled.bound(kind, name, remarks);
+        let settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks);
         let mut feature = Feature::new(name.clone(), kind, settled.mean);
         feature.var_of_mean = settled.variance;
         feature.halves = settled.halves;
+        remarks.notes.extend(bounds::bound_feature(&mut feature));
         frame = frame.with_feature(feature)?;
+    }
+    for choice in choices.iter().filter(|choice| choice.target.role == Role::Aov) {
+        let color = rgb(planes.take(choice))?;
+        frame = frame.with_aov(Aov { name: choice.target.feature.clone(), color })?;
     }
     Ok(match samples.mean() {
         Some(spp) => frame.with_spp(spp),
@@ -130,33 +134,6 @@ struct Settled {
     mean: Vec<Plane>,
     variance: Option<Vec<Plane>>,
     halves: Option<[Vec<Plane>; 2]>,
-}
-
-impl Settled {
-    /// Values that a feature of this kind cannot have are brought into range.
-    fn bound(&mut self, kind: FeatureKind, name: &str, remarks: &mut Remarks) {
-        type Bound = fn(&mut Plane, Option<&mut Plane>) -> usize;
-        let (bound, what): (Bound, _) = match kind {
-            FeatureKind::Depth | FeatureKind::Position => (
-                bounds::bound_misses,
-                "values beyond any surface (misses) were moved to the end of the range",
-            ),
-            FeatureKind::Albedo => {
-                (bounds::cut_albedo, "values above 1 are no reflectance and were cut to 1")
-            }
-            _ => return,
-        };
-        let mut count = 0;
-        for (c, plane) in self.mean.iter_mut().enumerate() {
-            count += bound(plane, self.variance.as_mut().map(|variance| &mut variance[c]));
-        }
-        for plane in self.halves.iter_mut().flatten().flatten() {
-            bound(plane, None);
-        }
-        if count > 0 {
-            remarks.notes.push(format!("{name}: {count} {what}"));
-        }
-    }
 }
 
 impl Group {

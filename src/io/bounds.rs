@@ -7,7 +7,29 @@
 //! in Cycles, metals in Mitsuba, up to 56 in a fixture of ours) are no reflectance and are cut to 1.
 //! Zeros are bounded and stay, and NaN is left for the denoiser to repair and count.
 
+use crate::frame::{Feature, FeatureKind};
 use crate::image::Plane;
+
+/// Brings values that a feature of its kind cannot have into range, as [`Picture`](super::Picture) does with
+/// what it reads; for frames that come from elsewhere. Returns what was done, where anything was.
+pub fn bound_feature(feature: &mut Feature) -> Option<String> {
+    type Bound = fn(&mut Plane, Option<&mut Plane>) -> usize;
+    let (bound, what): (Bound, _) = match feature.kind {
+        FeatureKind::Depth | FeatureKind::Position => {
+            (bound_misses, "values beyond any surface (misses) were moved to the end of the range")
+        }
+        FeatureKind::Albedo => (cut_albedo, "values above 1 are no reflectance and were cut to 1"),
+        _ => return None,
+    };
+    let mut count = 0;
+    for (c, plane) in feature.planes.iter_mut().enumerate() {
+        count += bound(plane, feature.var_of_mean.as_mut().map(|variance| &mut variance[c]));
+    }
+    for plane in feature.halves.iter_mut().flatten().flatten() {
+        bound(plane, None);
+    }
+    (count > 0).then(|| format!("{}: {count} {what}", feature.name))
+}
 
 /// Beyond this no surface lies: in millimetres it is a thousand kilometres.
 const NO_SURFACE: f32 = 1e9;
@@ -15,7 +37,7 @@ const NO_SURFACE: f32 = 1e9;
 /// Bounds the misses of a depth or position plane and returns how many there were. Means of hits and
 /// misses, as at silhouettes in Cycles, are beyond reason as well. Where a miss was, `variance` says
 /// nothing about the new value and becomes 0.
-pub(super) fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>) -> usize {
+fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>) -> usize {
     let is_miss = |v: f32| v.abs() >= NO_SURFACE;
     let seen = plane.data().iter().filter(|v| v.abs() < NO_SURFACE);
     let (low, high) = seen.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
@@ -36,7 +58,7 @@ pub(super) fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>) -> u
 const MOST_VARIANCE: f32 = 0.25;
 
 /// Cuts an albedo to 1 and returns how many values were above.
-pub(super) fn cut_albedo(plane: &mut Plane, mut variance: Option<&mut Plane>) -> usize {
+fn cut_albedo(plane: &mut Plane, mut variance: Option<&mut Plane>) -> usize {
     let mut cut = 0;
     for (i, value) in plane.data_mut().iter_mut().enumerate().filter(|(_, value)| **value > 1.0) {
         *value = 1.0;

@@ -7,8 +7,8 @@
 //! A *layer* is a channel's name up to its last dot (with the part's name in front where the part is
 //! the layer), a *component* is what follows. Names are compared without regard to case. In a
 //! pattern `*.` at the start stands for any layers around it, or none (Cycles puts its view layer
-//! there), `#` for any number or none (`albedo2` is the albedo of the second hit), and a lone `*`
-//! for everything.
+//! there), `#` for any number or none (`albedo2` is the albedo of the second hit), `*` at the end for
+//! any further letters, one at least, and a lone `*` for everything.
 
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +76,8 @@ pub(super) enum Role {
     ColorCopy,
     /// The colour in CIE XYZ, whose second moments say nothing about RGB.
     ColorXyz,
+    /// A component of the beauty, which goes through its operator.
+    Aov,
 }
 
 /// What a variance buffer holds.
@@ -404,6 +406,11 @@ pub(super) fn match_layer<'a>(pattern: &str, layer: &'a str) -> Option<Matched<'
         }
         None => ("", layer, pattern),
     };
+    if let Some(start) = pattern.strip_suffix('*') {
+        let fits = name.len() > start.len()
+            && name.get(..start.len()).is_some_and(|head| head.eq_ignore_ascii_case(start));
+        return fits.then_some(Matched { around, number: "" });
+    }
     let (head, tail) = pattern.split_once('#').unwrap_or((pattern, ""));
     let number = name.get(head.len()..name.len().checked_sub(tail.len())?)?;
     let is_number =
@@ -434,6 +441,9 @@ mod tests {
         assert_eq!(around("*.Noisy Image", "noisy image"), Some(String::new()));
         assert_eq!(around("*.Combined", "ViewLayer.Combined_key"), None);
         assert_eq!(around("albedo", "scene.albedo"), None);
+        assert_eq!(around("*.Combined_*", "ViewLayer.Combined_key"), Some("ViewLayer.".into()));
+        assert_eq!(around("*.Combined_*", "ViewLayer.Combined_"), None);
+        assert_eq!(around("RGBA_*", "RGBÄ_key"), None);
         let number = |pattern, layer| match_layer(pattern, layer).map(|m| m.number.to_owned());
         assert_eq!(number("albedo#", "albedo"), Some(String::new()));
         assert_eq!(number("albedo#", "Albedo12"), Some("12".into()));

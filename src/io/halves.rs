@@ -2,7 +2,7 @@
 
 use super::assemble::rgb;
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Feature, Frame};
+use crate::frame::{Aov, Feature, Frame};
 use crate::image::Plane;
 
 /// Two frames of the same scene with independent seeds as one: means of both, with both as halves. The
@@ -30,6 +30,15 @@ pub(super) fn merge_halves(a: &Frame, b: &Frame) -> Result<Frame> {
             None => feature.clone(),
             Some(other) => merge_feature(feature, other),
         })?;
+    }
+    for aov in a.aovs() {
+        let other = b.aovs().iter().find(|other| other.name == aov.name).ok_or_else(|| {
+            Error::new(ErrorKind::Lacking, "is not there, but in the first half it is")
+                .in_channel(&aov.name)
+                .remedy("leave it out of --aov, or render it in both halves")
+        })?;
+        frame =
+            frame.with_aov(Aov { name: aov.name.clone(), color: rgb(means(&aov.color, &other.color))? })?;
     }
     Ok(match (a.spp(), b.spp()) {
         (Some(a), Some(b)) => frame.with_spp(a + b),

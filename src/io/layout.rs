@@ -5,6 +5,7 @@ use serde::Serialize;
 use super::channels::{Renderer, Role, Statistic, VarianceKind};
 use super::document::Document;
 use super::roles::Choice;
+use super::sums::SumCheck;
 use crate::frame::Frame;
 use crate::image::Plane;
 
@@ -25,6 +26,8 @@ pub struct Layout {
     pub roles: Vec<RoleLayout>,
     /// Roles that nothing plays, which is done without.
     pub missing: Vec<String>,
+    /// Components of the beauty that ought to sum to it, and whether they do before anything is denoised.
+    pub sums: Vec<SumCheck>,
     /// Things that were done to the input on the way.
     pub notes: Vec<String>,
     /// Things that make the result worse than it could be, each with a remedy.
@@ -84,6 +87,7 @@ impl Default for Layout {
             samples_per_pixel: None,
             roles: Vec::new(),
             missing: Vec::new(),
+            sums: Vec::new(),
             notes: Vec::new(),
             warnings: Vec::new(),
         }
@@ -162,6 +166,7 @@ impl RoleLayout {
             role: match target.role {
                 Role::SampleCount => "sampleCount".to_owned(),
                 Role::Feature(_) => target.feature.clone(),
+                Role::Aov => "aov".to_owned(),
                 _ => "color".to_owned(),
             },
             statistic: match target.statistic {

@@ -1,8 +1,8 @@
 //! Files: the only module that opens pictures, and the only one that knows OpenEXR.
 //!
 //! [`Picture::read`] makes a [`Frame`](crate::Frame) of whatever a renderer wrote, by the channel map
-//! in `channels.rs`; [`Picture::write`] puts the denoised beauty back and passes everything else
-//! through. [`write_frame`] writes a frame under this project's own names.
+//! in `channels.rs`; [`Picture::write`] puts the denoised beauty and its components back and passes
+//! everything else through. [`write_frame`] writes a frame under this project's own names.
 //!
 //! ```no_run
 //! use apr::io::{Picture, ReadOptions};
@@ -21,6 +21,7 @@ mod assemble;
 mod atomic;
 mod bounds;
 mod channels;
+mod components;
 mod decode;
 mod document;
 mod encode;
@@ -36,12 +37,15 @@ mod recognize;
 mod rewrite;
 mod roles;
 mod siblings;
+mod sums;
 mod variance;
 
 pub use atomic::{abandon_temporaries, check_target, write_bytes};
+pub use bounds::bound_feature;
 pub use channels::{Renderer, VarianceKind};
 pub use layout::{FileLayout, Layout, PartLayout, RoleLayout};
 pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS};
 pub use mapping::Mapping;
 pub use own::{FrameHeader, write_frame};
 pub use picture::{Picture, ReadOptions, read_rgb};
+pub use sums::{Deviation, SumCheck};

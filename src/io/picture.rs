@@ -7,6 +7,7 @@ use exr::meta::attribute::IntegerBounds;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
 use super::channels::{Renderer, Role, Statistic, UNSURE, VarianceKind};
+use super::components::{Asked, Sum};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::halves::merge_halves;
@@ -17,6 +18,7 @@ use super::recognize::{detect, layers, samples_in};
 use super::rewrite::{Addition, Replacement, rewrite};
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
 use super::siblings::{buffers_beside, is_buffer};
+use super::sums::{Deviation, SumCheck};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rgb};
@@ -38,6 +40,10 @@ pub struct ReadOptions {
     pub half: Option<PathBuf>,
     /// Files with further layers, whose bare channels form a layer of the file's name.
     pub with: Vec<PathBuf>,
+    /// Components of the beauty that are to go through its operator: layers by name, with or without what
+    /// is around them, `*` at the end for any end; `auto` for all sets of layers that are known to sum to
+    /// the beauty.
+    pub aovs: Vec<String>,
 }
 
 /// A file as the denoiser sees it.
@@ -46,6 +52,9 @@ pub struct Picture {
     /// The first is the one that is written again.
     documents: Vec<Document>,
     beauty: Vec<ChannelAt>,
+    /// The channels of each of the frame's AOVs.
+    aovs: Vec<Vec<ChannelAt>>,
+    sums: Vec<Sum>,
     frame: Frame,
     layout: Layout,
 }
@@ -67,6 +76,7 @@ impl Picture {
             picture.layout.half = Some(half.display().to_string());
         }
         picture.layout.complete(&picture.frame);
+        picture.check_sums();
         Ok(picture)
     }
 
@@ -80,15 +90,36 @@ impl Picture {
         &self.layout
     }
 
-    /// Writes the file again with the denoised beauty; with `aux` also the estimated error
+    /// Whether the components that ought to sum to the beauty do so, before and after.
+    pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
+        let after = |sum: &Sum| {
+            let addends: Vec<&Rgb> = sum.addends.iter().map(|&i| &denoised.aovs[i].color).collect();
+            Deviation::of(&denoised.color, &addends)
+        };
+        let checks = self.layout.sums.iter().zip(&self.sums);
+        checks.map(|(before, sum)| SumCheck { after: Some(after(sum)), ..before.clone() }).collect()
+    }
+
+    /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error
     /// (`apr.mse.Y`) and the order chosen (`apr.order.Y`). Everything else passes through bit for
     /// bit. Returns what the user should know.
     ///
     /// # Errors
     /// `Unwritable` when the folder or the disk does not take it; `target` is then as it was.
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
-        let replacement = |(c, &at): (usize, &ChannelAt)| Replacement { at, plane: &denoised.color[c] };
-        let replacements: Vec<_> = self.beauty.iter().enumerate().map(replacement).collect();
+        if denoised.aovs.len() != self.aovs.len() {
+            let what = format!(
+                "the result has {} AOVs where the picture has {}",
+                denoised.aovs.len(),
+                self.aovs.len()
+            );
+            return Err(Error::new(ErrorKind::Usage, what).remedy("denoise the frame of this very picture"));
+        }
+        let components = self.aovs.iter().zip(&denoised.aovs).map(|(places, aov)| (places, &aov.color));
+        let replacements: Vec<Replacement> = std::iter::once((&self.beauty, &denoised.color))
+            .chain(components)
+            .flat_map(|(places, rgb)| places.iter().zip(rgb).map(|(&at, plane)| Replacement { at, plane }))
+            .collect();
         let mut additions = Vec::new();
         if aux {
             additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
@@ -109,8 +140,12 @@ impl Picture {
         let candidates = casting.candidates(&color);
 
         let window = documents[0].headers()[color.mean.channels[0].at.part].data_window();
-        let planes = read_all(&documents, &color, &candidates, window)?;
-        let cast = settle(&color, &candidates, |channel| &planes[&channel]);
+        let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;
+        let components = |names: &[String]| Asked::find(names, &casting, renderer, &color, &beauty, writable);
+        let asked = components(&options.aovs)?;
+        let planes = read_all(&documents, &color, &candidates, &asked, window)?;
+        let mut cast = settle(&color, &candidates, |channel| &planes[&channel]);
+        let sums = asked.settle(&mut cast, |channel| &planes[&channel]);
         let roles = cast.choices.iter().map(|choice| describe(choice, &documents, &planes)).collect();
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
         note_windows(&documents, &cast.choices, window, &mut remarks);
@@ -119,6 +154,9 @@ impl Picture {
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
         }
         note_other_colors(&casting.other_colors(&color), &mut remarks);
+        if options.aovs.is_empty() {
+            note_components(&components(&["auto".to_owned()])?.automatic(), &mut remarks);
+        }
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
         }
@@ -134,8 +172,31 @@ impl Picture {
             warnings: remarks.warnings,
             ..Layout::default()
         };
-        let beauty = beauty.into_iter().map(|channel| channel.at).collect();
-        Ok(Self { documents, beauty, frame, layout })
+        let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
+        let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
+        let aovs = components.map(|choice| places(&choice.channels)).collect();
+        Ok(Self { beauty: places(&beauty), documents, aovs, sums, frame, layout })
+    }
+
+    /// How well the noisy components sum, for the layout.
+    fn check_sums(&mut self) {
+        for sum in &self.sums {
+            let aovs = || sum.addends.iter().map(|&i| &self.frame.aovs()[i]);
+            let addends: Vec<&Rgb> = aovs().map(|aov| &aov.color).collect();
+            let before = Deviation::of(self.frame.color(), &addends);
+            let layers: Vec<String> = aovs().map(|aov| aov.name.clone()).collect();
+            if sum.by_itself && !before.is_small() {
+                self.layout.warnings.push(format!(
+                    "{}: '{}' do not sum to the beauty: the noisy ones already differ from it by {:.2} % (relative \
+                     RMS); something that the beauty shows is in none of them (emission, background, lights \
+                     without a group?) or in several",
+                    sum.name,
+                    layers.join("' + '"),
+                    100.0 * before.relative_rms
+                ));
+            }
+            self.layout.sums.push(SumCheck { set: sum.name.to_owned(), layers, before, after: None });
+        }
     }
 }
 
@@ -206,13 +267,15 @@ fn read_all(
     documents: &[Document],
     color: &Candidate,
     candidates: &[Candidate],
+    components: &Asked,
     window: IntegerBounds,
 ) -> Result<BTreeMap<Channel, Plane>> {
     let choices = candidates
         .iter()
         .chain(std::iter::once(color))
         .flat_map(|candidate| std::iter::once(&candidate.mean).chain(&candidate.companions));
-    let wanted: BTreeSet<Channel> = choices.flat_map(|choice| choice.channels.iter().copied()).collect();
+    let channels = choices.flat_map(|choice| choice.channels.iter().copied());
+    let wanted: BTreeSet<Channel> = channels.chain(components.channels()).collect();
     let mut planes = BTreeMap::new();
     for (file, document) in documents.iter().enumerate() {
         let here: Vec<Channel> = wanted.iter().copied().filter(|channel| channel.file == file).collect();
@@ -244,6 +307,15 @@ fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBound
                 full_names(documents, *channel)[0]
             ));
         }
+    }
+}
+
+fn note_components(found: &[String], remarks: &mut Remarks) {
+    if !found.is_empty() {
+        remarks.notes.push(format!(
+            "'{}' pass through as they are; --aov auto denoises them with the beauty, so that they sum to it",
+            found.join("', '")
+        ));
     }
 }
 

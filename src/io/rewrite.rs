@@ -1,8 +1,8 @@
-//! The input with a new beauty: everything else goes through bit for bit.
+//! The input with a new beauty (and components): everything else goes through bit for bit.
 //!
-//! Parts without the beauty are copied block by block without being decoded. The beauty's part is
-//! decoded, its channels replaced, and encoded again; that loses nothing as long as its compression
-//! is lossless for what passes through, and otherwise it is written with ZIP instead.
+//! Parts without a new channel are copied block by block without being decoded. The others are
+//! decoded, their channels replaced, and encoded again; that loses nothing as long as their compression
+//! is lossless for what passes through, and otherwise they are written with ZIP instead.
 
 use std::ops::Range;
 use std::path::Path;
@@ -29,7 +29,7 @@ pub(super) struct Replacement<'a> {
     pub(super) plane: &'a Plane,
 }
 
-/// A channel to add to the beauty's part, as 32-bit floats; one of the same name is replaced.
+/// A channel to add to the beauty's part (that of the first replacement), as 32-bit floats; one of the same name is replaced.
 pub(super) struct Addition<'a> {
     pub(super) name: &'a str,
     pub(super) plane: &'a Plane,
@@ -43,15 +43,15 @@ enum Source<'a> {
     Plane(&'a Plane),
 }
 
-/// What is written for the beauty's part.
+/// What is written for a part with new channels.
 struct NewPart<'a> {
     header: Header,
     /// For each channel of `header`.
     sources: Vec<Source<'a>>,
 }
 
-/// Writes `document` to `target` with the `replacements`, all of one part, and the `additions` to it.
-/// Returns what the user should know.
+/// Writes `document` to `target` with the `replacements`, whose planes have their parts' size, and the
+/// `additions`. Returns what the user should know.
 ///
 /// # Errors
 /// When the input turns out to be damaged, or the output cannot be written: an old file at `target`
@@ -62,20 +62,30 @@ pub(super) fn rewrite(
     replacements: &[Replacement],
     additions: &[Addition],
 ) -> Result<Vec<String>> {
-    let changed = replacements.first().map_or(0, |replacement| replacement.at.part);
+    let beauty = replacements.first().map_or(0, |replacement| replacement.at.part);
     let mut notes = Vec::new();
     if document.is_irregular() {
         notes.push(
             "the input's header is irregular: a malformed attribute is missing in the output".to_owned(),
         );
     }
-    let new = NewPart::plan(&document.headers()[changed], replacements, additions, &mut notes);
-    let mut headers: exr::meta::Headers = document.headers().iter().cloned().collect();
-    headers[changed] = new.header.clone();
+    let mut new: Vec<Option<NewPart>> = Vec::new();
+    for (part, header) in document.headers().iter().enumerate() {
+        let here: Vec<&Replacement> = replacements.iter().filter(|new| new.at.part == part).collect();
+        let additions = if part == beauty { additions } else { &[] };
+        let changes = !here.is_empty() || !additions.is_empty();
+        new.push(changes.then(|| NewPart::plan(header, &here, additions, &mut notes)));
+    }
+    let headers: exr::meta::Headers = document
+        .headers()
+        .iter()
+        .zip(&new)
+        .map(|(header, new)| new.as_ref().map_or(header, |new| &new.header).clone())
+        .collect();
     write_atomically(target, |file| {
         exr::block::write(file, headers, false, |meta, writer| {
-            for part in 0..meta.headers.len() {
-                let written = if part == changed {
+            for (part, new) in new.iter().enumerate() {
+                let written = if let Some(new) = new {
                     document.for_each_block(part, |blocks| {
                         let input = &document.headers()[part];
                         let blocks =
@@ -99,7 +109,7 @@ pub(super) fn rewrite(
 impl<'a> NewPart<'a> {
     fn plan(
         input: &Header,
-        replacements: &[Replacement<'a>],
+        replacements: &[&Replacement<'a>],
         additions: &[Addition<'a>],
         notes: &mut Vec<String>,
     ) -> Self {

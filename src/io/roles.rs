@@ -9,6 +9,7 @@ use super::channels::{
     COMPANIONS, CompanionRow, Evidence, LAYERS, LayerRow, Matched, Of, Renderer, Role, Statistic,
     companion_names, match_layer,
 };
+use super::components::Component;
 use super::evidence;
 use super::layers::{Channel, Layer};
 use super::mapping::{FEATURES, Target};
@@ -107,6 +108,23 @@ impl<'a> Casting<'a> {
             }
         }
         found
+    }
+
+    /// The layers of the first file that go with `color` and could be a component of it: three channels,
+    /// or one, that hold no statistic of another layer.
+    pub(super) fn pictures(&self, color: &Candidate) -> impl Iterator<Item = Component> {
+        let statistics = self.statistics();
+        let layers = self.layers.iter().enumerate();
+        layers.filter(move |&(i, _)| !statistics.contains(&i) && self.goes_with(i, color)).filter_map(
+            |(_, layer)| {
+                let only = || match layer.components.as_slice() {
+                    [(_, only)] => Some(vec![*only]),
+                    _ => None,
+                };
+                let channels = layer.pick_first(&[&["R", "G", "B"], &["X", "Y", "Z"]]).or_else(only)?;
+                (channels[0].file == 0).then(|| Component { name: layer.name.clone(), channels })
+            },
+        )
     }
 
     /// Other pictures that could have been the colour: of the other eye, of another view layer.

@@ -54,6 +54,11 @@ pub struct Arguments {
     /// Read further layers from this file; its bare channels form a layer of the file's name.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub with: Vec<PathBuf>,
+    /// Denoise these components of the beauty too (AOVs, light groups), by the operator that the beauty
+    /// chose, so that what summed before sums after. NAMES are layers, separated by commas, * at the end
+    /// for any end; auto takes those that are known to sum to the beauty.
+    #[arg(long, value_name = "NAMES|auto", value_delimiter = ',', help_heading = "Channels")]
+    pub aov: Vec<String>,
     /// The same frame rendered with another seed: both become the halves of one render.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub half: Option<PathBuf>,
@@ -96,6 +101,7 @@ impl Arguments {
             spp: self.spp,
             half: self.half.clone(),
             with: self.with.clone(),
+            aovs: self.aov.clone(),
         }
     }
 }

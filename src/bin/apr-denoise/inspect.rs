@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use apr::Options;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{Layout, Picture, RoleLayout};
+use apr::io::{Deviation, Layout, Picture, RoleLayout, SumCheck};
 use serde::Serialize;
 
 /// All that is known before the work begins.
@@ -40,6 +40,7 @@ fn would_run(picture: &Picture, options: &Options) -> Vec<String> {
     let used = frame.features().iter().filter(|feature| options.features.contains(&feature.kind));
     let features: Vec<&str> =
         std::iter::once("the pixel's position").chain(used.map(|feature| feature.name.as_str())).collect();
+    let components = frame.aovs().len();
     let mut steps = vec!["repair of NaN and infinities".to_owned()];
     if options.outliers.enabled {
         steps.push("outlier removal".to_owned());
@@ -49,7 +50,24 @@ fn would_run(picture: &Picture, options: &Options) -> Vec<String> {
         options.stages.len(),
         features.join(", ")
     ));
+    if components > 0 {
+        steps.push(format!("the same operator on {components} components of the beauty"));
+    }
     steps
+}
+
+/// How well components sum to the beauty, in one line.
+pub fn sum_line(sum: &SumCheck) -> String {
+    let told = |of: &Deviation| {
+        let broken = match of.not_finite {
+            0 => String::new(),
+            n => format!(", {n} samples not finite"),
+        };
+        format!("{:.2e} (relative RMS {:.2e}{broken})", of.largest, of.relative_rms)
+    };
+    let after = sum.after.as_ref().map_or(String::new(), |after| format!(" -> {}", told(after)));
+    let layers = sum.layers.join(" + ");
+    format!("{}: {layers} less the beauty, largest deviation {}{after}", sum.set, told(&sum.before))
 }
 
 fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) -> String {
@@ -74,6 +92,7 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) 
     line(format!("renderer: {:?} ({how}); {width}×{height}; samples per pixel: {spp}", layout.renderer));
     line("roles:".to_owned());
     layout.roles.iter().for_each(|role| line(role_line(role)));
+    layout.sums.iter().for_each(|sum| line(sum_line(sum)));
     if !layout.missing.is_empty() {
         line(format!("done without: {}", layout.missing.join(", ")));
     }

@@ -4,11 +4,12 @@ use std::path::Path;
 
 use apr::denoise::Stage;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{Layout, Picture};
+use apr::io::{Layout, Picture, SumCheck};
 use apr::{Denoised, Feature, Frame, Options, Summary};
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
+use crate::inspect::sum_line;
 
 /// The report's JSON.
 #[derive(Serialize)]
@@ -26,6 +27,8 @@ pub struct Report<'a> {
     skipped: Vec<Skipped>,
     summary: &'a Summary,
     estimated_error: EstimatedError,
+    /// Whether the components sum to the beauty.
+    sums: Vec<SumCheck>,
     /// What the writing had to tell.
     notes: Vec<String>,
 }
@@ -72,6 +75,7 @@ impl<'a> Report<'a> {
             skipped,
             summary: &denoised.summary,
             estimated_error: EstimatedError::new(picture.frame(), denoised),
+            sums: picture.sums(denoised),
             notes,
         }
     }
@@ -81,13 +85,14 @@ impl<'a> Report<'a> {
         serde_json::to_string_pretty(self).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))
     }
 
-    /// In one line, for people.
+    /// In one line for people, after one for each set of components.
     pub fn line(&self) -> String {
         let seconds = self.seconds;
         let error = &self.estimated_error;
         let before = error.relative_before.map_or("unknown".to_owned(), |before| format!("{before:.2e}"));
+        let sums: String = self.sums.iter().map(|sum| sum_line(sum) + "\n").collect();
         format!(
-            "{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}",
+            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}",
             self.output, error.relative_after
         )
     }

@@ -12,7 +12,7 @@ use crate::arguments::Arguments;
 /// `Usage` when an option is not known or out of its range; `Unreadable` when the file is.
 pub fn options(arguments: &Arguments) -> Result<Options> {
     let preset = arguments.preset.unwrap_or(Options::default);
-    let mut value = serde_json::to_value(preset()).map_err(internal)?;
+    let mut options = preset();
     if let Some(path) = &arguments.options {
         let text = std::fs::read_to_string(path).map_err(|error| {
             Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}")).in_file(path)
@@ -22,7 +22,7 @@ pub fn options(arguments: &Arguments) -> Result<Options> {
             return Err(Error::new(ErrorKind::Usage, "is no JSON object of options").in_file(path));
         };
         for (key, new) in given {
-            replace(&mut value, &key, new).map_err(|error| error.in_file(path))?;
+            options = options.with(&key, new).map_err(|error| error.in_file(path))?;
         }
     }
     for setting in &arguments.set {
@@ -31,30 +31,13 @@ pub fn options(arguments: &Arguments) -> Result<Options> {
         })?;
         // What is no JSON is a text without its quotes.
         let new = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
-        replace(&mut value, key, new)?;
+        options = options.with(key, new)?;
     }
-    let options: Options = serde_json::from_value(value).map_err(|error| usage(&error))?;
     options.check()?;
     Ok(options)
-}
-
-/// Sets the option at `key`, whose dots go into depth.
-fn replace(options: &mut Value, key: &str, new: Value) -> Result<()> {
-    let known = options.as_object().map(|all| all.keys().cloned().collect::<Vec<_>>().join(", "));
-    let pointer = format!("/{}", key.trim().replace('.', "/"));
-    let slot = options.pointer_mut(&pointer).ok_or_else(|| {
-        Error::new(ErrorKind::Usage, format!("there is no option '{key}'"))
-            .remedy(format!("the options are {}", known.unwrap_or_default()))
-    })?;
-    *slot = new;
-    Ok(())
 }
 
 fn usage(error: &serde_json::Error) -> Error {
     Error::new(ErrorKind::Usage, format!("the options make no sense: {error}"))
         .remedy("see the documentation of apr::Options")
-}
-
-fn internal(error: serde_json::Error) -> Error {
-    Error::new(ErrorKind::Internal, error.to_string())
 }

@@ -1,0 +1,84 @@
+//! Do the components still sum to the beauty?
+
+use serde::Serialize;
+
+use crate::image::{Plane, Rgb};
+
+/// [choice] Components whose sum deviates by more (RMS, relative to the beauty's) do not sum. A half float's
+/// rounding is at most 2⁻¹¹ ≈ 0.0005 of the value, once for each component and once for the beauty.
+pub(super) const SUM_TOLERANCE: f64 = 2e-3;
+
+/// How far a sum of pictures is from the picture that it ought to be.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Deviation {
+    /// The largest difference of a channel of a pixel, in the picture's units.
+    pub largest: f64,
+    /// The root of the mean squared difference over that of the mean squared picture.
+    pub relative_rms: f64,
+    /// Samples that are NaN or infinite in one of the pictures, and so are not judged.
+    pub not_finite: usize,
+}
+
+/// A set of components and how well it sums to the beauty.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SumCheck {
+    /// What the components are.
+    pub set: String,
+    /// The layers that are summed.
+    pub layers: Vec<String>,
+    /// Of the noisy pictures, as stored.
+    pub before: Deviation,
+    /// Of the denoised ones, as computed: 32-bit floats, before they are rounded to the file's pixel types.
+    pub after: Option<Deviation>,
+}
+
+impl Deviation {
+    /// Of the sum of `addends` from `total`, all of one size.
+    pub(super) fn of(total: &Rgb, addends: &[&Rgb]) -> Self {
+        let addends: Vec<_> = addends.iter().map(|addend| addend.each_ref()).collect();
+        Self::of_planes(total.each_ref(), &addends)
+    }
+
+    pub(super) fn of_planes(total: [&Plane; 3], addends: &[[&Plane; 3]]) -> Self {
+        let (mut largest, mut error, mut energy, mut not_finite) = (0.0f64, 0.0, 0.0, 0);
+        for (c, plane) in total.iter().enumerate() {
+            for (i, &value) in plane.data().iter().enumerate() {
+                let value = f64::from(value);
+                let sum: f64 = addends.iter().map(|addend| f64::from(addend[c].data()[i])).sum();
+                let difference = (sum - value).abs();
+                if !difference.is_finite() {
+                    not_finite += 1;
+                    continue;
+                }
+                largest = largest.max(difference);
+                error += difference * difference;
+                energy += value * value;
+            }
+        }
+        let relative_rms = if error == 0.0 { 0.0 } else { (error / energy).sqrt() };
+        Self { largest, relative_rms, not_finite }
+    }
+
+    /// Whether the sum is the picture up to the rounding of half floats.
+    pub fn is_small(&self) -> bool {
+        self.relative_rms < SUM_TOLERANCE
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_that_lacks_a_tenth_deviates_by_a_tenth_and_nan_is_counted() {
+        let grey = |v: f32| -> Rgb { std::array::from_fn(|_| Plane::filled(4, 3, v)) };
+        let (total, mut a, b) = (grey(2.0), grey(1.5), grey(0.5));
+        let exact = Deviation::of(&total, &[&a, &b]);
+        assert_eq!(exact, Deviation { largest: 0.0, relative_rms: 0.0, not_finite: 0 });
+        let lacking = Deviation::of(&total, &[&a, &grey(0.3)]);
+        assert!((lacking.relative_rms - 0.1).abs() < 1e-6 && (lacking.largest - 0.2).abs() < 1e-6);
+        assert!(exact.is_small() && !lacking.is_small());
+        a[1].data_mut()[5] = f32::NAN;
+        assert_eq!(Deviation::of(&total, &[&a, &b]).not_finite, 1);
+    }
+}
