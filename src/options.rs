@@ -116,7 +116,7 @@ impl Default for OutlierOptions {
 
 impl Default for PrefilterOptions {
     fn default() -> Self {
-        Self { enabled: true, window_radius: 5, patch_radius: 3, bandwidth: 0.5 }
+        Self { enabled: true, window_radius: 5, patch_radius: 1, bandwidth: 0.7 }
     }
 }
 
@@ -173,16 +173,24 @@ impl Options {
         ("published", Self::published),
     ];
 
-    /// Fewer centres, smaller windows, no cubic.
+    /// One kernel a stage on fewer centres, no cubic: relMSE ×1.01 to ×1.03 in half the time.
     pub fn fast() -> Self {
-        Self { center_spacing: 6, max_order: 2, window_radius: 6, ..Self::default() }
+        let kernel = |demodulate| Kernel { patch_radius: 1, bandwidth: 1.0, demodulate };
+        Self {
+            center_spacing: 6,
+            max_order: 2,
+            stages: vec![vec![kernel(false)], vec![kernel(true)]],
+            prefilter: PrefilterOptions { window_radius: 3, ..PrefilterOptions::default() },
+            ..Self::default()
+        }
     }
 
-    /// More centres, and large patches besides the small ones: they tell smooth from noisy better, at six
-    /// times the price.
+    /// Large patches besides the small ones, which tell smooth from noisy better, and a wider filter of the
+    /// features: relMSE ×0.99 in 1.6 times the time.
     pub fn best() -> Self {
         let patch = |demodulate| Kernel { patch_radius: 3, bandwidth: 1.0, demodulate };
-        let mut options = Self { center_spacing: 3, ..Self::default() };
+        let prefilter = PrefilterOptions { window_radius: 7, ..PrefilterOptions::default() };
+        let mut options = Self { prefilter, ..Self::default() };
         options.stages[0].push(patch(false));
         options.stages[1].extend([patch(false), patch(true)]);
         options
