@@ -1,65 +1,26 @@
 //! Truncated, damaged and hostile files: an error, soon, and in little memory.
 
 mod exr_files;
+#[path = "fuzzed/exr_to_frame.rs"]
+mod exr_to_frame;
 
 use std::path::Path;
 use std::sync::OnceLock;
 
 use apr::ErrorKind;
-use apr::io::{Picture, ReadOptions};
-use apr::{Denoised, Summary};
-use exr::prelude::{Blocks, Compression, Encoding, IntegerBounds, LineOrder, Vec2};
 use exr_files::*;
+use exr_to_frame::read_and_write;
 use proptest::prelude::*;
 
-/// Small files of every codec, scan lines and tiles, one part and two.
+/// Small files of every codec.
 fn samples() -> &'static [Vec<u8>] {
     static SAMPLES: OnceLock<Vec<Vec<u8>>> = OnceLock::new();
-    SAMPLES.get_or_init(|| {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("sample.exr");
-        let size = (19, 37);
-        let lossy = [
-            Compression::PXR24,
-            Compression::B44,
-            Compression::B44A,
-            Compression::DWAA(None),
-            Compression::DWAB(None),
-        ];
-        let tiled = |compression| Encoding {
-            compression,
-            blocks: Blocks::Tiles(Vec2(8, 8)),
-            line_order: LineOrder::Increasing,
-        };
-        let encodings = LOSSLESS.into_iter().chain(lossy).flat_map(|codec| [scan_lines(codec), tiled(codec)]);
-        let bytes = |encoding: Encoding, parts: usize| {
-            let part = |i: usize| {
-                let names = ["R", "G", "B", "depth.Z"];
-                let mut channels = channels(size, &names);
-                channels.push(half("half.R", &values(size.0 * size.1, 8)));
-                layer(Some(&format!("part{i}")), size, (-3, 4), encoding, channels)
-            };
-            write(&path, IntegerBounds::from_dimensions(size), (0..parts).map(part).collect());
-            std::fs::read(&path).unwrap()
-        };
-        encodings
-            .map(|encoding| bytes(encoding, 1 + usize::from(encoding.blocks == Blocks::ScanLines)))
-            .collect()
-    })
+    SAMPLES.get_or_init(|| of_every_codec((19, 37)))
 }
 
 /// Reads `bytes` as a file, and writes it again if it can be read: whatever comes, no panic.
 fn survive(bytes: &[u8]) -> apr::Result<()> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("damaged.exr");
-    std::fs::write(&path, bytes).unwrap();
-    let picture = Picture::read(&path, &ReadOptions::default())?;
-    let frame = picture.frame();
-    let color = frame.color().clone();
-    let (mse, order) = (color[0].clone(), color[1].clone());
-    let denoised = Denoised { color, aovs: vec![], mse, order, summary: Summary::default() };
-    picture.write(folder.path().join("out.exr"), &denoised, true)?;
-    Ok(())
+    read_and_write(bytes, tempfile::tempdir().unwrap().path())
 }
 
 #[test]

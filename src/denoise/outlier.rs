@@ -148,6 +148,44 @@ mod tests {
         }
     }
 
+    use proptest::prelude::*;
+
+    /// A picture of any size with fireflies of any height, and the radius of what they are given back to.
+    fn pictures() -> impl Strategy<Value = (Plane, OutlierOptions)> {
+        let value = prop_oneof![8 => 0.0f32..2.0, 1 => 1e2f32..1e6, 1 => Just(0.0)];
+        (1usize..24, 1usize..24, 0usize..12).prop_flat_map(move |(width, height, energy_radius)| {
+            let options = OutlierOptions { energy_radius, deviations: 3.0, ..OutlierOptions::default() };
+            prop::collection::vec(value.clone(), width * height)
+                .prop_map(move |data| (Plane::from_vec(width, height, data).unwrap(), options))
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig {
+            cases: 200,
+            rng_seed: proptest::test_runner::RngSeed::Fixed(5),
+            failure_persistence: None,
+            ..ProptestConfig::default()
+        })]
+
+        #[test]
+        fn what_is_taken_out_is_given_back_to_rounding((mut plane, options) in pictures()) {
+            let color: Rgb = std::array::from_fn(|_| plane.clone());
+            let (width, height) = plane.size();
+            let variance: Rgb =
+                std::array::from_fn(|_| Plane::from_fn(width, height, |x, y| plane.get(x, y).powi(2)));
+            let outliers = find(&color, &variance, None, &options);
+            let sum = |plane: &Plane| plane.data().iter().map(|&v| f64::from(v)).sum::<f64>();
+            let before = sum(&plane);
+            let taken = replace(&mut plane, &outliers);
+            let out: f64 = taken.iter().map(|&e| f64::from(e)).sum();
+            prop_assert!((sum(&plane) + out - before).abs() <= 1e-6 * before);
+            let beauty = plane.clone();
+            give_back(&mut plane, &beauty, &outliers, &taken, options.energy_radius);
+            prop_assert!((sum(&plane) - before).abs() <= 1e-6 * before, "{} became {}", before, sum(&plane));
+        }
+    }
+
     #[test]
     fn a_highlight_that_its_own_small_variance_vouches_for_stays() {
         let color = grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x + y) % 3) as f32 });

@@ -60,6 +60,37 @@ pub fn scan_lines(compression: Compression) -> Encoding {
     Encoding { compression, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing }
 }
 
+/// Small files of every codec, scan lines (two parts) and tiles (one part), in this order of
+/// [`LOSSLESS`] and then the lossy ones.
+pub fn of_every_codec(size: (usize, usize)) -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sample.exr");
+    let lossy = [
+        Compression::PXR24,
+        Compression::B44,
+        Compression::B44A,
+        Compression::DWAA(None),
+        Compression::DWAB(None),
+    ];
+    let tiled = |compression| Encoding {
+        compression,
+        blocks: Blocks::Tiles(Vec2(8, 8)),
+        line_order: LineOrder::Increasing,
+    };
+    let encodings = LOSSLESS.into_iter().chain(lossy).flat_map(|codec| [scan_lines(codec), tiled(codec)]);
+    let bytes = |encoding: Encoding, parts: usize| {
+        let part = |i: usize| {
+            let names = ["R", "G", "B", "depth.Z"];
+            let mut channels = channels(size, &names);
+            channels.push(half("half.R", &values(size.0 * size.1, 8)));
+            layer(Some(&format!("part{i}")), size, (-3, 4), encoding, channels)
+        };
+        write(&path, IntegerBounds::from_dimensions(size), (0..parts).map(part).collect());
+        std::fs::read(&path).unwrap()
+    };
+    encodings.map(|encoding| bytes(encoding, 1 + usize::from(encoding.blocks == Blocks::ScanLines))).collect()
+}
+
 /// Writes `layers` with a display window of their own.
 pub fn write(path: &Path, display: IntegerBounds, layers: Vec<TestLayer>) {
     let image = Image { attributes: ImageAttributes::new(display), layer_data: Layers::from_vec(layers) };
