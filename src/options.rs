@@ -208,13 +208,12 @@ impl Options {
             Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
                 .remedy(format!("give {low} to {high}")))
         };
-        let positive = |name: &str, value: f32, zero: bool| {
-            if value.is_finite() && (value > 0.0 || zero && value == 0.0) {
+        let number = |name: &str, value: f32, low: f32, high: f32| {
+            if (low..=high).contains(&value) {
                 return Ok(());
             }
-            let least = if zero { "0 or more" } else { "more than 0" };
             Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
-                .remedy(format!("give a number that is {least}")))
+                .remedy(format!("give {low} to {high}")))
         };
         range("window_radius", self.window_radius, 1, MAX_WINDOW_RADIUS)?;
         range("center_spacing", self.center_spacing, 1, 15)?;
@@ -222,7 +221,7 @@ impl Options {
         range("stages", self.stages.len(), 1, 8)?;
         for kernel in self.stages.iter().flatten() {
             range("patch_radius", kernel.patch_radius, 0, 3)?;
-            positive("bandwidth", kernel.bandwidth, false)?;
+            number("bandwidth", kernel.bandwidth, 0.01, 100.0)?;
         }
         for kernels in &self.stages {
             range("kernels of a stage", kernels.len(), 1, 16)?;
@@ -230,16 +229,16 @@ impl Options {
         range("variance_radius", self.variance_radius, 0, 15)?;
         range("outliers.radius", self.outliers.radius, 1, 3)?;
         range("outliers.energy_radius", self.outliers.energy_radius, 0, 31)?;
-        positive("outliers.deviations", self.outliers.deviations, true)?;
+        number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;
         range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
         range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
-        positive("prefilter.bandwidth", self.prefilter.bandwidth, false)?;
-        positive("min_coverage", self.min_coverage, true)?;
-        positive("noise_weight", self.noise_weight, true)?;
-        positive("risk_power", self.risk_power, true)?;
-        positive("taper_power", self.taper_power, true)?;
-        positive("dark_level", self.dark_level, false)?;
-        positive("albedo_floor", self.albedo_floor, false)
+        number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 100.0)?;
+        number("min_coverage", self.min_coverage, 0.0, 1e3)?;
+        number("noise_weight", self.noise_weight, 0.0, 1e3)?;
+        number("risk_power", self.risk_power, 0.0, 4.0)?;
+        number("taper_power", self.taper_power, 0.0, 4.0)?;
+        number("dark_level", self.dark_level, 1e-3, 1e3)?;
+        number("albedo_floor", self.albedo_floor, 1e-3, 1e3)
     }
 }
 
