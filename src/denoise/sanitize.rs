@@ -54,6 +54,11 @@ pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
     if let Some(variance) = &mut clean.variance {
         let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
         summary.repaired_variance = repair(&mut planes, |v| (0.0..=LARGEST_VARIANCE).contains(&v));
+        if summary.repaired_variance == frame.width() * frame.height() {
+            // Black would say that there is no noise.
+            summary.notes.push("variance: left out, it is a number at no pixel".into());
+            clean.variance = None;
+        }
     }
     for feature in &mut clean.features {
         // Limited first: what is far to both sides has no mean.
@@ -148,6 +153,17 @@ mod tests {
         let mut plane = Plane::filled(3, 2, f32::NAN);
         assert_eq!(repair(&mut [&mut plane], f32::is_finite), 6);
         assert_eq!(plane.data(), &[0.0; 6]);
+    }
+
+    #[test]
+    fn a_variance_without_a_good_pixel_is_none() {
+        let grey = || -> Rgb { std::array::from_fn(|_| Plane::filled(3, 2, 1.0)) };
+        let mut variance = grey();
+        variance[1].data_mut().fill(f32::NAN);
+        let frame = Frame::new(grey()).and_then(|frame| frame.with_variance_of_mean(variance)).unwrap();
+        let mut summary = Summary::default();
+        assert_eq!(apply(&frame, &mut summary).variance, None);
+        assert_eq!((summary.repaired_variance, summary.notes.len()), (6, 1));
     }
 
     #[test]
