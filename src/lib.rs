@@ -39,6 +39,7 @@
 //! # Ok::<(), apr::Error>(())
 //! ```
 
+pub mod adaptive;
 pub mod denoise;
 pub mod error;
 pub mod frame;
@@ -47,6 +48,7 @@ pub mod io;
 pub mod metrics;
 pub mod options;
 pub mod report;
+pub mod sampling;
 pub mod tone;
 pub mod trace;
 

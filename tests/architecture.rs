@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module (first folder or file under src) and the modules it may import besides itself.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 13] = [
     ("error", &[]),
     ("image", &["error"]),
     ("tone", &["image"]),
@@ -16,6 +16,9 @@ const ARROWS: [(&str, &[&str]); 11] = [
     ("io", &["error", "image", "frame"]),
     ("report", &["error", "image", "tone", "metrics"]),
     ("trace", &["error", "image", "frame"]),
+    ("sampling", &["error", "image", "frame"]),
+    // The rounds of a render: the one place that knows both the tracer and the denoiser.
+    ("adaptive", &["error", "image", "options", "denoise", "sampling", "trace"]),
     ("lib", &[]),
 ];
 

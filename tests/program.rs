@@ -240,3 +240,36 @@ fn a_result_can_be_denoised_again() {
         program().args([&path, &path]).args(["--quiet", "--aux"]).assert().success();
     }
 }
+
+#[test]
+fn a_target_that_is_not_met_ends_with_its_own_code_and_a_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (render(folder.path()), folder.path().join("out.exr"));
+    let (map, report) = (folder.path().join("map.exr"), folder.path().join("r.json"));
+    let target = |error: &str| {
+        let mut command = program();
+        command.args([&input, &output]).args(["--target-error", error, "--sampling-map"]).arg(&map);
+        run(command.arg("--report").arg(&report))
+    };
+    let densities = || {
+        let file = exr_files::read_all(&map);
+        let channels = &file.layer_data[0].channel_data.list;
+        assert_eq!((channels.len(), channels[0].name.to_string().as_str()), (1, "density.Y"));
+        channels[0].sample_data.values_as_f32().map(f64::from).collect::<Vec<_>>()
+    };
+    let (code, said, _) = target("1e-9");
+    assert_eq!(code, 10);
+    assert!(said.contains("is not met") && said.contains("more samples per pixel"), "{said}");
+    assert!(output.exists(), "the result is written all the same");
+    let mean = densities().iter().sum::<f64>() / (SIZE.0 * SIZE.1) as f64;
+    assert!((mean - 1.0).abs() < 1e-5, "{mean}");
+    let told: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let sampling = &told["sampling"];
+    let [share, spp] = ["needed_share", "needed_per_pixel"].map(|key| sampling[key].as_f64().unwrap());
+    assert!(sampling["target_met"] == false && (spp / share - 16.0).abs() < 1e-6, "{sampling}");
+
+    assert_eq!(target("1e9").0, 0);
+    assert!(densities().iter().all(|&density| density == 0.0));
+    let (code, _, complaints) = target("-1");
+    assert!(code == 2 && complaints.contains("above 0"), "{complaints}");
+}

@@ -36,7 +36,19 @@ pub struct FrameHeader<'a> {
 pub fn write_frame(path: impl AsRef<Path>, frame: &Frame, header: &FrameHeader) -> Result<()> {
     let path = path.as_ref();
     let channels = channels(frame, header).map_err(|error| error.in_file(path))?;
-    let header = exr_header(frame, header, &channels);
+    write_channels(path, exr_header(frame, header, &channels), &channels)
+}
+
+/// Writes one plane as the one channel `name`, in the same way: a map for a renderer.
+///
+/// # Errors
+/// When the file cannot be written (an old one is then unharmed).
+pub fn write_plane(path: impl AsRef<Path>, name: &str, plane: &Plane) -> Result<()> {
+    let channels = checked(vec![(name.to_owned(), plane)])?;
+    write_channels(path.as_ref(), plain_header(plane.size(), &channels), &channels)
+}
+
+fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> Result<()> {
     write_atomically(path, |file| {
         exr::block::write(file, std::iter::once(header).collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
@@ -59,12 +71,20 @@ pub fn write_frame(path: impl AsRef<Path>, frame: &Frame, header: &FrameHeader) 
     })
 }
 
-fn exr_header(frame: &Frame, tell: &FrameHeader, channels: &[(Text, &Plane)]) -> Header {
+fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {
     let list = channels.iter().map(|(name, _)| ChannelDescription::named(name.clone(), SampleType::F32));
-    let mut header = Header::new(Text::from("apr"), (frame.width(), frame.height()), list.collect())
-        .with_encoding(Compression::ZIP16, BlockDescription::ScanLines, LineOrder::Increasing);
+    let mut header = Header::new(Text::from("apr"), size, list.collect()).with_encoding(
+        Compression::ZIP16,
+        BlockDescription::ScanLines,
+        LineOrder::Increasing,
+    );
     header.own_attributes.layer_name = None; // a file of one part needs no name
     header.own_attributes.software_name = Some(Text::from("apr-denoise"));
+    header
+}
+
+fn exr_header(frame: &Frame, tell: &FrameHeader, channels: &[(Text, &Plane)]) -> Header {
+    let mut header = plain_header((frame.width(), frame.height()), channels);
     let other = &mut header.own_attributes.other;
     if let Some(spp) = frame.spp() {
         let whole = spp.fract() == 0.0;

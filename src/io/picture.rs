@@ -56,6 +56,8 @@ pub struct Picture {
     aovs: Vec<Vec<ChannelAt>>,
     sums: Vec<Sum>,
     frame: Frame,
+    /// Samples of each pixel, or shares of them.
+    counts: Option<Plane>,
     layout: Layout,
 }
 
@@ -73,6 +75,7 @@ impl Picture {
             let other = Self::read_one(half, options).map_err(|error| error.in_file(half))?;
             picture.frame =
                 merge_halves(&picture.frame, &other.frame).map_err(|error| error.in_file(half))?;
+            picture.counts = None; // they were those of one of the two
             picture.layout.half = Some(half.display().to_string());
         }
         picture.layout.complete(&picture.frame);
@@ -83,6 +86,11 @@ impl Picture {
     /// What the denoiser gets.
     pub fn frame(&self) -> &Frame {
         &self.frame
+    }
+
+    /// The samples of each pixel, where the file tells; in any unit (Cycles writes shares).
+    pub fn sample_counts(&self) -> Option<&Plane> {
+        self.counts.as_ref()
     }
 
     /// What was found.
@@ -162,6 +170,8 @@ impl Picture {
         }
         let header = &documents[0].headers()[color.mean.channels[0].at.part];
         let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
+        let counts = cast.choices.iter().find(|choice| choice.target.role == Role::SampleCount);
+        let counts = counts.map(|choice| planes[&choice.channels[0]].clone());
         let frame = assemble(&cast.choices, Planes::new(planes, &cast.choices), given, &mut remarks)?;
         let layout = Layout {
             files: documents.iter().map(FileLayout::of).collect(),
@@ -175,7 +185,7 @@ impl Picture {
         let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
         let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
         let aovs = components.map(|choice| places(&choice.channels)).collect();
-        Ok(Self { beauty: places(&beauty), documents, aovs, sums, frame, layout })
+        Ok(Self { beauty: places(&beauty), documents, aovs, sums, frame, counts, layout })
     }
 
     /// How well the noisy components sum, for the layout.

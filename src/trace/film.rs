@@ -55,9 +55,9 @@ pub(super) type ColorMoments = Moments<3>;
 pub struct Film {
     width: usize,
     height: usize,
-    counts: Vec<Count>,
-    color: Vec<ColorMoments>,
-    features: Vec<Moments<FEATURES>>,
+    pub(super) counts: Vec<Count>,
+    pub(super) color: Vec<ColorMoments>,
+    pub(super) features: Vec<Moments<FEATURES>>,
     second: Vec<Moments<SECOND_FEATURES>>,
     groups: Vec<f64>, // RGB of every group of every pixel
     group_names: Vec<String>,
@@ -272,22 +272,36 @@ const SECOND_LAYERS: [(&str, std::ops::Range<usize>); 3] =
 /// A number drawn from a pixel's sums.
 type Statistic<const N: usize> = fn(&Moments<N>, Count, usize) -> f64;
 
-fn mean<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
+pub(super) fn mean<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
     moments.sum[i] / f64::from(count.kept())
 }
 
-fn variance_of_mean<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
+pub(super) fn variance_of_mean<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
     let n = f64::from(count.kept());
     let spread = (moments.squares[i] - moments.sum[i] * moments.sum[i] / n).max(0.0);
     if n < 2.0 { f64::NAN } else { spread / (n * (n - 1.0)) }
 }
 
+/// The mean ± half the difference of the halves' means, that difference stretched where the halves are
+/// not equally large: so that their average is the mean, they are uncorrelated, and ((A − B)/2)²
+/// is the variance of the mean, for any number of samples.
+fn halves<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> [f64; 2] {
+    let (n, even) = (f64::from(count.kept()), f64::from(count.even));
+    let odd = n - even;
+    let (a, b) = (moments.first_half[i] / even, (moments.sum[i] - moments.first_half[i]) / odd);
+    if even == odd {
+        return [a, b];
+    }
+    let (mean, half) = (moments.sum[i] / n, (a - b) * (even * odd).sqrt() / n);
+    [mean + half, mean - half]
+}
+
 fn first_half<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
-    moments.first_half[i] / f64::from(count.even)
+    halves(moments, count, i)[0]
 }
 
 fn second_half<const N: usize>(moments: &Moments<N>, count: Count, i: usize) -> f64 {
-    (moments.sum[i] - moments.first_half[i]) / f64::from(count.kept() - count.even)
+    halves(moments, count, i)[1]
 }
 
 /// Keeping a film between runs: a fixed little-endian layout, checked by length.

@@ -11,6 +11,7 @@
 mod bsdf;
 mod bvh;
 mod camera;
+mod coarse;
 mod film;
 mod light;
 mod math;

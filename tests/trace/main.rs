@@ -1,5 +1,6 @@
 //! The bundled tracer: closed forms, agreement with Mitsuba, determinism, scene errors, the program.
 
+mod adaptive;
 mod closed_forms;
 mod determinism;
 mod mitsuba;

@@ -88,3 +88,40 @@ fn a_map_of_samples_and_a_report() {
     assert_eq!(report["plan"]["effects"].as_array().unwrap().len(), 9);
     assert_eq!(frame(&out).spp(), Some(3.0));
 }
+
+#[test]
+fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = write_scene(folder.path(), [20, 14]);
+    let (out, report) = (folder.path().join("out.exr"), folder.path().join("report.json"));
+    let adaptive = |more: &[&str]| {
+        let mut command = program();
+        command.arg(&scene).arg(&out).arg("--adaptive").args(more).arg("--report").arg(&report);
+        command.output().unwrap()
+    };
+    assert!(adaptive(&["--spp", "9", "--rounds", "3"]).status.success());
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let rounds = told["adaptive"]["rounds"].as_array().unwrap();
+    assert_eq!((rounds.len(), &told["samples"]), (3, &(9 * 20 * 14).into()));
+    assert!(rounds[0]["estimated_error"].as_f64().unwrap() > 0.0 && rounds[2]["trace_seconds"].is_f64());
+    let picture = Picture::read(&out, &ReadOptions::default()).unwrap();
+    let counts = picture.sample_counts().unwrap().data();
+    assert_eq!(counts.iter().sum::<f32>(), 9.0 * 20.0 * 14.0);
+    assert!(counts.iter().any(|&n| n != 9.0));
+    assert_eq!(picture.frame().spp(), Some(9.0));
+
+    let met = adaptive(&["--spp", "9", "--rounds", "3", "--target-error", "1000"]);
+    assert!(met.status.success());
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    assert_eq!((&told["adaptive"]["target_met"], &told["samples"]), (&true.into(), &(3 * 20 * 14).into()));
+
+    for (refused, why) in [
+        (&["--spp", "3"][..], "give --spp 5 or more"),
+        (&["--reference", "100"], "cannot be used with"),
+        (&["--spp", "9", "--rounds", "1"], "--rounds 2"),
+    ] {
+        let output = adaptive(refused);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(why), "{said}");
+    }
+}

@@ -33,6 +33,14 @@ pub struct Arguments {
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]
     pub aux: bool,
+    /// Write the density of samples that the next pass of the renderer should have (EXR, one float channel
+    /// density.Y, 1 on the average): multiply it by the pass's samples per pixel.
+    #[arg(long, value_name = "FILE.exr")]
+    pub sampling_map: Option<PathBuf>,
+    /// Tell how many samples are still needed for this estimated mean relative squared error, and end with
+    /// 10 where there are any. The result is written all the same.
+    #[arg(long, value_name = "E", value_parser = positive)]
+    pub target_error: Option<f32>,
     /// Print nothing but errors.
     #[arg(long, short)]
     pub quiet: bool,
@@ -86,6 +94,7 @@ const EXIT_CODES: &str = "Exit codes:
   3    an input is missing, damaged, or uses a feature that is not supported
   4    the input lacks what is needed: no colour, sizes that differ
   5    the result cannot be written
+  10   done, but the estimated error is above --target-error
   70   a defect of this program
   130  interrupted (SIGINT)
   143  told to stop (SIGTERM)";

@@ -1,7 +1,7 @@
 //! Errors and defects, told in one place, and the exit code that goes with them.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::process::ExitCode;
+use std::process::{ExitCode, Termination};
 use std::sync::Mutex;
 
 use apr::error::{ErrorKind, Result};
@@ -11,14 +11,14 @@ use apr::error::{ErrorKind, Result};
 static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
 
 /// Runs the program and tells what went wrong.
-pub fn told(program: impl FnOnce() -> Result<()>) -> ExitCode {
+pub fn told<T: Termination>(program: impl FnOnce() -> Result<T>) -> ExitCode {
     std::panic::set_hook(Box::new(|panic| {
         if let Ok(mut last) = LAST_PANIC.lock() {
             *last = panic.to_string();
         }
     }));
     match catch_unwind(AssertUnwindSafe(program)) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Ok(done)) => done.report(),
         Ok(Err(error)) => complain(&error.to_string(), error.kind()),
         Err(_) => {
             let panic = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();

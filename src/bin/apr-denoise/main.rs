@@ -6,6 +6,7 @@ mod failure;
 mod inspect;
 mod progress;
 mod report;
+mod sampling;
 mod settings;
 mod signals;
 
@@ -22,12 +23,15 @@ use clock::Clock;
 use progress::Progress;
 use report::Report;
 
+/// Done, but the estimated error is above the target.
+const TARGET_NOT_MET: u8 = 10;
+
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
     failure::told(|| run(&arguments))
 }
 
-fn run(arguments: &Arguments) -> Result<()> {
+fn run(arguments: &Arguments) -> Result<ExitCode> {
     signals::clean_up_when_stopped();
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
@@ -36,7 +40,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let options = settings::options(arguments)?;
     if arguments.inspect {
         let picture = Picture::read(&arguments.input, &arguments.read_options())?;
-        return print(&inspect::describe(&picture, &options, arguments.json)?);
+        print(&inspect::describe(&picture, &options, arguments.json)?)?;
+        return Ok(ExitCode::SUCCESS);
     }
     let Some(output) = &arguments.output else {
         return Err(Error::new(ErrorKind::Usage, "no output file is given")
@@ -45,8 +50,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     denoise(arguments, &options, output)
 }
 
-fn denoise(arguments: &Arguments, options: &apr::Options, output: &Path) -> Result<()> {
-    for target in std::iter::once(output).chain(arguments.report.as_deref()) {
+fn denoise(arguments: &Arguments, options: &apr::Options, output: &Path) -> Result<ExitCode> {
+    let further = [arguments.report.as_deref(), arguments.sampling_map.as_deref()];
+    for target in std::iter::once(output).chain(further.into_iter().flatten()) {
         io::check_target(target)?; // better now than after the work
     }
     let clock = Clock::new(Progress::new(arguments.quiet, options.stages.len()));
@@ -59,11 +65,17 @@ fn denoise(arguments: &Arguments, options: &apr::Options, output: &Path) -> Resu
     clock.begin("write");
     let notes = picture.write(output, &denoised, arguments.aux)?;
     let stages = clock.finish();
-    let report = Report::new(&picture, options, &denoised, stages, notes, output);
+    let sampling = sampling::Sampling::new(&picture, &denoised, arguments)?;
+    let report = Report::new(&picture, options, &denoised, stages, notes, output, sampling.as_ref());
     if let Some(path) = &arguments.report {
         io::write_bytes(path, report.json()?.as_bytes())?;
     }
-    if arguments.quiet { Ok(()) } else { print(&report.line()) }
+    if !arguments.quiet {
+        sampling.as_ref().and_then(|sampling| sampling.line()).map_or(Ok(()), |line| print(&line))?;
+        print(&report.line())?;
+    }
+    let unmet = sampling.is_some_and(|sampling| sampling.target_met == Some(false));
+    Ok(if unmet { ExitCode::from(TARGET_NOT_MET) } else { ExitCode::SUCCESS })
 }
 
 /// Answers on the standard output; whoever closed it does not want to hear.

@@ -10,6 +10,7 @@ use serde::Serialize;
 
 use crate::clock::{Cost, name};
 use crate::inspect::sum_line;
+use crate::sampling::Sampling;
 
 /// The report's JSON.
 #[derive(Serialize)]
@@ -29,6 +30,8 @@ pub struct Report<'a> {
     estimated_error: EstimatedError,
     /// Whether the components sum to the beauty.
     sums: Vec<SumCheck>,
+    /// What the next pass is told, where that was asked for.
+    sampling: Option<&'a Sampling>,
     /// What the writing had to tell.
     notes: Vec<String>,
 }
@@ -61,6 +64,7 @@ impl<'a> Report<'a> {
         stages: Vec<Cost>,
         notes: Vec<String>,
         output: &Path,
+        sampling: Option<&'a Sampling>,
     ) -> Self {
         let skipped = skipped(picture.frame(), options, &denoised.summary, &stages);
         let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
@@ -76,6 +80,7 @@ impl<'a> Report<'a> {
             summary: &denoised.summary,
             estimated_error: EstimatedError::new(picture.frame(), denoised),
             sums: picture.sums(denoised),
+            sampling,
             notes,
         }
     }

@@ -2,11 +2,14 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // a program talks to its user
 
+mod rounds;
+
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use apr::adaptive::AdaptiveOptions;
 use apr::io::{FrameHeader, check_target, read_rgb, write_bytes, write_frame};
 use apr::trace::{FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
@@ -44,6 +47,18 @@ struct Args {
     /// run goes on.
     #[arg(long, value_name = "N", conflicts_with = "spp", value_parser = clap::value_parser!(u32).range(1..))]
     reference: Option<u32>,
+    /// Spend the samples where the picture needs them: a uniform round, then rounds by the estimated error
+    /// of the denoised picture. Draws --spp samples per pixel on the average and writes their numbers as
+    /// layer sampleCount. Keeps no checkpoint.
+    #[arg(long, conflicts_with_all = ["reference", "spp_map"])]
+    adaptive: bool,
+    /// Rounds of --adaptive, the uniform one included.
+    #[arg(long, default_value_t = AdaptiveOptions::default().rounds, requires = "adaptive",
+          value_parser = clap::value_parser!(u32).range(1..))]
+    rounds: u32,
+    /// Stop --adaptive when the estimated mean relative squared error is at most E.
+    #[arg(long, value_name = "E", requires = "adaptive")]
+    target_error: Option<f32>,
     /// Seconds between checkpoints.
     #[arg(long, default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
@@ -112,13 +127,24 @@ fn run(args: &Args) -> Result<()> {
     let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;
     let start = Instant::now();
     let mut renderer = Renderer::new(&scene, &options);
-    pool.install(|| render(args, &options, &scene, &mut renderer))?;
+    let rounds = if args.adaptive {
+        let adaptive = AdaptiveOptions {
+            spp: args.spp,
+            rounds: args.rounds,
+            target_error: args.target_error,
+            ..AdaptiveOptions::default()
+        };
+        Some(pool.install(|| rounds::run(&mut renderer, &adaptive, args.quiet))?)
+    } else {
+        pool.install(|| render(args, &options, &scene, &mut renderer))?;
+        None
+    };
     let rendered = renderer.finish()?;
     let counts = renderer.film().sample_map();
     let further = [("sampleCount.Y", &counts)];
-    let further = if args.spp_map.is_some() { &further[..] } else { &[] };
+    let further = if args.spp_map.is_some() || args.adaptive { &further[..] } else { &[] };
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
-    finish(args, out, &rendered, start.elapsed())
+    finish(args, out, &rendered, rounds.as_ref(), start.elapsed())
 }
 
 fn print_plan(plan: &Plan) {
@@ -234,7 +260,13 @@ impl Progress {
     }
 }
 
-fn finish(args: &Args, out: &Path, rendered: &Rendered, elapsed: Duration) -> Result<()> {
+fn finish(
+    args: &Args,
+    out: &Path,
+    rendered: &Rendered,
+    rounds: Option<&rounds::Rounds>,
+    elapsed: Duration,
+) -> Result<()> {
     let seconds = elapsed.as_secs_f64();
     if rendered.dropped > 0 {
         eprintln!(
@@ -254,6 +286,7 @@ fn finish(args: &Args, out: &Path, rendered: &Rendered, elapsed: Duration) -> Re
         "samples": rendered.samples,
         "dropped": rendered.dropped,
         "seconds": seconds,
+        "adaptive": rounds,
         "plan": rendered.plan,
         "constantFeatures": rendered.constant_features,
     });
