@@ -195,8 +195,9 @@ impl Pool {
         let error: Vec<f64> =
             error.data().iter().map(|e| if e.is_finite() { f64::from(e.max(0.0)) } else { 0.0 }).collect();
         let met = |e: f64| target.is_some_and(|target| e <= f64::from(target));
-        // A pixel without samples counts as one with one.
-        let counts: Vec<f64> = counts.iter().map(|n| n.max(1.0)).collect();
+        // A pixel without samples counts as one with a few of the others' share.
+        let least = UNSAMPLED * counts.iter().sum::<f64>() / counts.len() as f64;
+        let counts: Vec<f64> = counts.iter().map(|n| n.max(least)).collect();
         let converged = error.iter().all(|e| *e == 0.0) && target.is_none();
         let wish = error.iter().zip(&counts).map(|(&e, n)| {
             let e = if converged { 1.0 } else { e };
@@ -235,6 +236,9 @@ impl Pool {
         Some((0..self.wish.len()).map(|i| share(high, i)).collect())
     }
 }
+
+/// The share of the mean count that pixels without samples are taken to have.
+const UNSAMPLED: f64 = 0.1;
 
 /// What a running sum may miss a half by, for its rounding error.
 const TIE: f64 = 1e-6;

@@ -89,10 +89,13 @@ fn a_density_is_one_on_the_average_and_a_converged_pictures_is_flat() {
     let map = error(|x, y| (x * y) as f32);
     let plain = density(&map, None, None, &options).unwrap();
     assert!((mean(&plain) - 1.0).abs() < 1e-6);
-    let counts = error(|x, _| if x < 6 { 4.0 } else { 16.0 });
-    let known = density(&map, Some(&counts), None, &options).unwrap();
-    assert!((mean(&known) - 1.0).abs() < 1e-6);
-    assert!(known.get(5, 6) > plain.get(5, 6), "with fewer samples there is more to win");
+    // An error e left by n samples wants √(e·n) in all: of 6 columns with 4 and 7 with 16 samples, in units
+    // of their mean 136/13 and with as many again, 1.3 and 2.6.
+    let counts = error(|x, _| if x < W / 2 { 4.0 } else { 16.0 });
+    let law = SamplingOptions { decay: 1.0, ..options.clone() };
+    let known = density(&error(|_, _| 0.5), Some(&counts), None, &law).unwrap();
+    assert!((known.get(0, 0) - (1.3 - 52.0 / 136.0)).abs() < 1e-5, "{}", known.get(0, 0));
+    assert!((known.get(W - 1, 0) - (2.6 - 208.0 / 136.0)).abs() < 1e-5, "{}", known.get(W - 1, 0));
     let flat = density(&error(|_, _| 0.0), None, None, &options).unwrap();
     assert!(flat.data().iter().all(|v| (v - 1.0).abs() < 1e-6));
     let done = density(&error(|_, _| 0.001), None, Some(0.001), &options).unwrap();
@@ -106,8 +109,8 @@ fn the_samples_needed_follow_the_power_law() {
         let options = SamplingOptions { decay, ..SamplingOptions::default() };
         samples_needed(&map, &[16.0; W * H], target, &options).unwrap() / (W * H) as f64
     };
-    assert!((needed(1.0, 0.02) - 48.0).abs() < 1e-6, "{}", needed(1.0, 0.02));
-    assert!((needed(0.5, 0.02) - 240.0).abs() < 1e-6);
+    assert!((needed(1.0, 0.02) - 48.0).abs() < 1e-4, "{}", needed(1.0, 0.02));
+    assert!((needed(0.5, 0.02) - 240.0).abs() < 1e-3);
     assert_eq!(needed(1.0, 0.09), 0.0);
     let error = samples_needed(&map, &[16.0; W * H], 0.0, &SamplingOptions::default()).unwrap_err();
     assert!(error.to_string().contains("give 0.001"), "{error}");

@@ -39,7 +39,7 @@ pub struct Arguments {
     pub sampling_map: Option<PathBuf>,
     /// Tell how many samples are still needed for this estimated mean relative squared error, and end with
     /// 10 where there are any. The result is written all the same.
-    #[arg(long, value_name = "E", value_parser = positive)]
+    #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
     /// Print nothing but errors.
     #[arg(long, short)]

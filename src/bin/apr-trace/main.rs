@@ -57,7 +57,7 @@ struct Args {
           value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
     /// Stop --adaptive when the estimated mean relative squared error is at most E.
-    #[arg(long, value_name = "E", requires = "adaptive")]
+    #[arg(long, value_name = "E", requires = "adaptive", allow_negative_numbers = true)]
     target_error: Option<f32>,
     /// Seconds between checkpoints.
     #[arg(long, default_value_t = 30.0, requires = "reference")]
