@@ -88,3 +88,68 @@ fn told_to_stop_it_ends_with_the_signals_exit_code() {
     }
     assert_eq!(names(folder.path()), ["pipe"]);
 }
+
+/// A sequence of `render`'s picture, and its command line.
+fn sequence(folder: &Path, frames: u32) -> Vec<String> {
+    render(&folder.join("shot.0001.exr"));
+    for frame in 2..=frames {
+        std::fs::copy(folder.join("shot.0001.exr"), folder.join(format!("shot.{frame:04}.exr"))).unwrap();
+    }
+    let name = |name: &str| folder.join(name).into_os_string().into_string().unwrap();
+    vec![name("shot.####.exr"), name("den.####.exr"), "--quiet".to_owned(), "--skip-existing".to_owned()]
+}
+
+fn start_with(arguments: &[String]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_apr-denoise")).args(arguments).stderr(Stdio::piped()).spawn().unwrap()
+}
+
+#[test]
+fn a_sequence_killed_again_and_again_goes_on_where_it_was() {
+    const FRAMES: u32 = 5;
+    const KILLS: u32 = 12;
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = sequence(folder.path(), FRAMES);
+    let whole = |frame: u32| folder.path().join(format!("den.{frame:04}.exr"));
+    let begun = std::time::Instant::now();
+    assert!(start_with(&arguments).wait().unwrap().success());
+    let whole_run = begun.elapsed();
+    let expected = std::fs::read(whole(1)).unwrap();
+    (1..=FRAMES).for_each(|frame| std::fs::remove_file(whole(frame)).unwrap());
+    for kill in 0..KILLS {
+        let mut child = start_with(&arguments);
+        std::thread::sleep(whole_run.mul_f64(f64::from(kill) / f64::from(KILLS)));
+        let signal = if kill % 2 == 0 { "-KILL" } else { "-TERM" };
+        send(signal, &child);
+        child.wait().unwrap();
+        for frame in 1..=FRAMES {
+            let result = std::fs::read(whole(frame));
+            assert!(result.is_err() || result.unwrap() == expected, "kill {kill} broke frame {frame}");
+        }
+        if signal == "-TERM" {
+            assert_no_strays_but_of_killed(folder.path(), child.id());
+        }
+    }
+    assert!(start_with(&arguments).wait().unwrap().success());
+    for frame in 1..=FRAMES {
+        assert!(std::fs::read(whole(frame)).unwrap() == expected, "frame {frame}");
+    }
+}
+
+/// The last frame is a pipe that nobody writes to: the run stands in the middle of its sequence.
+#[test]
+fn told_to_stop_in_a_sequence_it_keeps_what_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let arguments = sequence(folder.path(), 2);
+    let pipe = folder.path().join("shot.0003.exr");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let mut child = start_with(&arguments);
+    let _pipe = std::fs::OpenOptions::new().write(true).open(&pipe).unwrap(); // waits for the reader
+    while !folder.path().join("den.0002.exr").exists() {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    send("-TERM", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let expected = ["den.0001.exr", "den.0002.exr", "shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]
+        .map(str::to_owned);
+    assert_eq!(names(folder.path()), expected);
+}

@@ -47,5 +47,5 @@ pub use layout::{FileLayout, Layout, PartLayout, RoleLayout};
 pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS};
 pub use mapping::Mapping;
 pub use own::{FrameHeader, write_frame, write_plane};
-pub use picture::{Picture, ReadOptions, read_rgb};
+pub use picture::{Picture, ReadOptions, read_rgb, signature};
 pub use sums::{Deviation, SumCheck};

@@ -15,7 +15,7 @@ use super::layers::{Channel, Layer, buffer_prefix};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, find, target};
 use super::recognize::{detect, layers, samples_in};
-use super::rewrite::{Addition, Replacement, rewrite};
+use super::rewrite::{Addition, Replacement, rewrite, signature_in};
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
 use super::siblings::{buffers_beside, is_buffer};
 use super::sums::{Deviation, SumCheck};
@@ -59,6 +59,7 @@ pub struct Picture {
     /// Samples of each pixel, or shares of them.
     counts: Option<Plane>,
     layout: Layout,
+    signature: Option<String>,
 }
 
 impl Picture {
@@ -108,6 +109,12 @@ impl Picture {
         checks.map(|(before, sum)| SumCheck { after: Some(after(sum)), ..before.clone() }).collect()
     }
 
+    /// Has [`Self::write`] add the attribute `apr.settings` that says what the result was made by;
+    /// [`signature`] reads it back. Keep to ASCII: what other letters become is not promised.
+    pub fn sign(&mut self, signature: impl Into<String>) {
+        self.signature = Some(signature.into());
+    }
+
     /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error
     /// (`apr.mse.Y`) and the order chosen (`apr.order.Y`). Everything else passes through bit for
     /// bit. Returns what the user should know.
@@ -133,7 +140,7 @@ impl Picture {
             additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
             additions.push(Addition { name: "apr.order.Y", plane: &denoised.order });
         }
-        rewrite(&self.documents[0], target.as_ref(), &replacements, &additions)
+        rewrite(&self.documents[0], target.as_ref(), &replacements, &additions, self.signature.as_deref())
     }
 
     fn read_one(path: &Path, options: &ReadOptions) -> Result<Self> {
@@ -185,7 +192,7 @@ impl Picture {
         let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
         let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
         let aovs = components.map(|choice| places(&choice.channels)).collect();
-        Ok(Self { beauty: places(&beauty), documents, aovs, sums, frame, counts, layout })
+        Ok(Self { beauty: places(&beauty), documents, aovs, sums, frame, counts, layout, signature: None })
     }
 
     /// How well the noisy components sum, for the layout.
@@ -350,6 +357,15 @@ fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
                 .push(format!("further buffers lie beside the file: --profile {profile} reads them"));
         }
     }
+}
+
+/// What the result at `path` was made by, if it was signed: see [`Picture::sign`]. Reads no pixels.
+///
+/// # Errors
+/// `Unreadable` when it is missing or no EXR file.
+pub fn signature(path: impl AsRef<Path>) -> Result<Option<String>> {
+    let document = Document::open(path.as_ref())?;
+    Ok(document.headers().iter().find_map(signature_in))
 }
 
 /// The colour of the file at `path`, for comparisons and references.

@@ -11,7 +11,7 @@ use exr::block::lines::LineIndex;
 use exr::block::writer::ChunksWriter;
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::BlockDescription;
-use exr::meta::attribute::{ChannelDescription, ChannelList, LineOrder, SampleType, Text};
+use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2};
 use half::f16;
@@ -50,8 +50,11 @@ struct NewPart<'a> {
     sources: Vec<Source<'a>>,
 }
 
+/// The attribute that says what a result was made by.
+const SIGNATURE: &str = "apr.settings";
+
 /// Writes `document` to `target` with the `replacements`, whose planes have their parts' size, and the
-/// `additions`. Returns what the user should know.
+/// `additions` and the signature to the first replacement's part. Returns what the user should know.
 ///
 /// # Errors
 /// When the input turns out to be damaged, or the output cannot be written: an old file at `target`
@@ -61,6 +64,7 @@ pub(super) fn rewrite(
     target: &Path,
     replacements: &[Replacement],
     additions: &[Addition],
+    signature: Option<&str>,
 ) -> Result<Vec<String>> {
     let beauty = replacements.first().map_or(0, |replacement| replacement.at.part);
     let mut notes = Vec::new();
@@ -76,12 +80,16 @@ pub(super) fn rewrite(
         let changes = !here.is_empty() || !additions.is_empty();
         new.push(changes.then(|| NewPart::plan(header, &here, additions, &mut notes)));
     }
-    let headers: exr::meta::Headers = document
+    let mut headers: exr::meta::Headers = document
         .headers()
         .iter()
         .zip(&new)
         .map(|(header, new)| new.as_ref().map_or(header, |new| &new.header).clone())
         .collect();
+    if let Some(signature) = signature.and_then(Text::new_or_none) {
+        let attributes = &mut headers[beauty].own_attributes.other;
+        attributes.insert(Text::from(SIGNATURE), AttributeValue::Text(signature));
+    }
     write_atomically(target, |file| {
         exr::block::write(file, headers, false, |meta, writer| {
             for (part, new) in new.iter().enumerate() {
@@ -104,6 +112,14 @@ pub(super) fn rewrite(
         .map_err(encode_error)
     })?;
     Ok(notes)
+}
+
+/// What a result was made by.
+pub(super) fn signature_in(header: &Header) -> Option<String> {
+    match header.own_attributes.other.get(&Text::from(SIGNATURE)) {
+        Some(AttributeValue::Text(text)) => Some(text.to_string()),
+        _ => None,
+    }
 }
 
 impl<'a> NewPart<'a> {

@@ -4,6 +4,8 @@
 mod compare;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
+#[path = "../apr-denoise/generate.rs"]
+mod generate;
 mod sweep;
 mod variants;
 
@@ -40,7 +42,7 @@ const EXIT_CODES: &str = "Exit codes:
   70   a defect of this program";
 
 fn main() -> ExitCode {
-    let arguments = CommandLine::parse();
+    let arguments = generate::parse::<CommandLine>();
     failure::told(|| match (&arguments.command, &arguments.compare) {
         (Some(Command::Sweep(sweep)), _) => sweep::run(sweep).map(|text| print(&text)),
         (None, Some(compare)) => compare::run(compare).map(|text| print(&text)),

@@ -5,17 +5,23 @@ use std::path::PathBuf;
 
 use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
 use apr::options::Preset;
-use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{Parser, ValueEnum};
+
+use crate::frames::FrameSet;
+use crate::plan::Job;
 
 /// Denoise a Monte Carlo render.
 ///
 /// Reads an OpenEXR file of any renderer, denoises its beauty with whatever variances, half buffers
 /// and features it finds, and writes the file again: only the beauty's channels change.
+///
+/// A sequence is denoised by names with a place for the frame's number, such as shot.####.exr,
+/// shot.%04d.exr, shot.$F4.exr or shot.<frame4>.exr (in quotes, so that the shell leaves them alone).
 #[derive(Debug, Parser)]
 #[command(name = "apr-denoise", version, after_help = EXIT_CODES)]
 pub struct Arguments {
-    /// The render (EXR).
+    /// The render (EXR), or the renders of a sequence: 'shot.####.exr'.
     pub input: PathBuf,
     /// Where the result goes (EXR); may be the input. Appears whole or not at all.
     #[arg(required_unless_present = "inspect")]
@@ -27,9 +33,13 @@ pub struct Arguments {
     /// With --inspect: print JSON.
     #[arg(long, requires = "inspect")]
     pub json: bool,
-    /// Write a report of the run.
+    /// Write a report of the run; of a sequence one for each frame: 'report.####.json'.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+    /// Do nothing where the result is there already, which is always a whole one. It must have been made
+    /// by the same options and version, else the run stops before any work.
+    #[arg(long, conflicts_with = "inspect")]
+    pub skip_existing: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]
     pub aux: bool,
@@ -48,6 +58,25 @@ pub struct Arguments {
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
 
+    /// Frames of the sequence, such as 1-100:2,140 [default: all that are found].
+    #[arg(long, value_name = "RANGES", allow_hyphen_values = true, help_heading = "Sequences")]
+    pub frames: Option<FrameSet>,
+    /// What to do when a frame has no file: stop before any work and name all of them, or leave them out.
+    #[arg(
+        long,
+        value_name = "POLICY",
+        value_enum,
+        default_value_t = Missing::Error,
+        help_heading = "Sequences"
+    )]
+    pub missing: Missing,
+    /// Go on with the other frames when one fails; the exit code is that of the first that failed.
+    #[arg(long, help_heading = "Sequences")]
+    pub keep_going: bool,
+    /// Write one report for all frames.
+    #[arg(long, value_name = "FILE.json", help_heading = "Sequences")]
+    pub sequence_report: Option<PathBuf>,
+
     /// The renderer that wrote the file [default: recognised by attributes and channel names].
     #[arg(long, value_name = "NAME", value_parser = renderer(), help_heading = "Channels")]
     pub profile: Option<Renderer>,
@@ -59,7 +88,7 @@ pub struct Arguments {
     /// Add a further feature.
     #[arg(long, value_name = "NAME=CHANNELS", help_heading = "Channels")]
     pub feature: Vec<Mapping>,
-    /// Read further layers from this file; its bare channels form a layer of the file's name.
+    /// Read further layers from this file (or pattern); its bare channels form a layer of the file's name.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub with: Vec<PathBuf>,
     /// Denoise these components of the beauty too (AOVs, light groups), by the operator that the beauty
@@ -67,7 +96,7 @@ pub struct Arguments {
     /// for any end; auto takes those that are known to sum to the beauty.
     #[arg(long, value_name = "NAMES|auto", value_delimiter = ',', help_heading = "Channels")]
     pub aov: Vec<String>,
-    /// The same frame rendered with another seed: both become the halves of one render.
+    /// The same frame (or pattern) rendered with another seed: both become the halves of one render.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub half: Option<PathBuf>,
     /// What variance buffers hold, where the channel map does not know.
@@ -88,6 +117,15 @@ pub struct Arguments {
     pub options: Option<PathBuf>,
 }
 
+/// What to do about frames that have no file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Missing {
+    /// Stop before any work and name all of them.
+    Error,
+    /// Leave them out.
+    Skip,
+}
+
 const EXIT_CODES: &str = "Exit codes:
   0    done
   2    usage: an option or argument makes no sense
@@ -100,16 +138,16 @@ const EXIT_CODES: &str = "Exit codes:
   143  told to stop (SIGTERM)";
 
 impl Arguments {
-    /// How to understand the input.
-    pub fn read_options(&self) -> ReadOptions {
+    /// How to understand the input of `job`.
+    pub fn read_options(&self, job: &Job) -> ReadOptions {
         ReadOptions {
             profile: self.profile,
             map: self.map.clone(),
             features: self.feature.clone(),
             variance_kind: self.variance_kind,
             spp: self.spp,
-            half: self.half.clone(),
-            with: self.with.clone(),
+            half: job.half.clone(),
+            with: job.with.clone(),
             aovs: self.aov.clone(),
         }
     }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use apr::denoise::{Observer, Stage};
 use serde::Serialize;
 
-use crate::progress::Progress;
+use crate::progress::FrameProgress;
 
 /// What a stage cost.
 #[derive(Debug, Clone, Serialize)]
@@ -15,34 +15,46 @@ pub struct Cost {
     pub stage: String,
     /// Wall clock.
     pub seconds: f64,
-    /// Most memory that the process had resident during the stage, where the system tells.
+    /// Most memory that the process had resident during the stage, where the system tells and no other
+    /// frame was worked on at the time.
     pub peak_memory_bytes: Option<u64>,
 }
 
-/// Measures stages and passes their progress on.
-pub struct Clock {
-    progress: Progress,
+/// Measures a frame's stages and passes their progress on.
+pub struct Clock<'a> {
+    progress: FrameProgress<'a>,
     running: Mutex<Running>,
 }
 
 struct Running {
+    /// No other frame is worked on, so that the process's memory is this frame's.
+    alone: bool,
     done: Vec<Cost>,
     current: Option<(String, Instant)>,
 }
 
-impl Clock {
+impl<'a> Clock<'a> {
     /// Starts with no stage.
-    pub fn new(progress: Progress) -> Self {
-        Self { progress, running: Mutex::new(Running { done: Vec::new(), current: None }) }
+    pub fn new(progress: FrameProgress<'a>, alone: bool) -> Self {
+        Self { progress, running: Mutex::new(Running { alone, done: Vec::new(), current: None }) }
     }
 
     /// The stage before ends here and `name` begins.
     pub fn begin(&self, name: &str) {
-        let mut running = self.running.lock().expect("no holder panics");
-        running.end_current();
-        running.current = Some((name.to_owned(), Instant::now()));
-        memory::reset_peak();
+        {
+            let mut running = self.running.lock().expect("no holder panics");
+            running.end_current();
+            running.current = Some((name.to_owned(), Instant::now()));
+            if running.alone {
+                memory::reset_peak();
+            }
+        }
         self.progress.stage(name);
+    }
+
+    /// The stage ends here, and the frame waits for its next.
+    pub fn pause(&self) {
+        self.running.lock().expect("no holder panics").end_current();
     }
 
     /// Ends the last stage and tells all.
@@ -58,12 +70,13 @@ impl Running {
     fn end_current(&mut self) {
         if let Some((stage, start)) = self.current.take() {
             let seconds = start.elapsed().as_secs_f64();
-            self.done.push(Cost { stage, seconds, peak_memory_bytes: memory::peak() });
+            let peak_memory_bytes = self.alone.then(memory::peak).flatten();
+            self.done.push(Cost { stage, seconds, peak_memory_bytes });
         }
     }
 }
 
-impl Observer for Clock {
+impl Observer for Clock<'_> {
     fn stage(&self, stage: Stage) {
         self.begin(&name(stage));
     }
@@ -85,7 +98,7 @@ pub fn name(stage: Stage) -> String {
 }
 
 /// Resident memory as Linux counts it; elsewhere nothing is known.
-mod memory {
+pub mod memory {
     /// The most since [`reset_peak`], in bytes.
     pub fn peak() -> Option<u64> {
         let status = std::fs::read_to_string("/proc/self/status").ok()?;

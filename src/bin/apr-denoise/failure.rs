@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::process::{ExitCode, Termination};
 use std::sync::Mutex;
 
-use apr::error::{ErrorKind, Result};
+use apr::error::{Error, ErrorKind, Result};
 
 /// What the last panic said. Decoders may panic on damaged files, which the library turns into an
 /// error; only what reaches [`told`] is a defect and is shown.
@@ -17,14 +17,21 @@ pub fn told<T: Termination>(program: impl FnOnce() -> Result<T>) -> ExitCode {
             *last = panic.to_string();
         }
     }));
-    match catch_unwind(AssertUnwindSafe(program)) {
-        Ok(Ok(done)) => done.report(),
-        Ok(Err(error)) => complain(&error.to_string(), error.kind()),
-        Err(_) => {
-            let panic = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
-            complain(&format!("internal error, please report it: {panic}"), ErrorKind::Internal)
-        }
+    match caught(program) {
+        Ok(done) => done.report(),
+        Err(error) => complain(&error.to_string(), error.kind()),
     }
+}
+
+/// Runs a piece of work whose defects must not end the others: a panic becomes an error.
+///
+/// # Errors
+/// What `work` fails with; `Internal` when it panics.
+pub fn caught<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
+        let panic = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
+        Err(Error::new(ErrorKind::Internal, format!("internal error, please report it: {panic}")))
+    })
 }
 
 #[expect(clippy::print_stderr, reason = "where this program complains")]

@@ -7,26 +7,56 @@ use apr::error::{Error, ErrorKind, Result};
 use apr::io::{Deviation, Layout, Picture, RoleLayout, SumCheck};
 use serde::Serialize;
 
+use crate::arguments::Arguments;
+use crate::frames::FrameSet;
+use crate::plan::Plan;
+
 /// All that is known before the work begins.
 #[derive(Serialize)]
 struct Inspection<'a> {
+    /// The sequence; the rest is that of its first frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sequence: Option<Sequence>,
     layout: &'a Layout,
     size: [usize; 2],
     would_run: Vec<String>,
     options: &'a Options,
 }
 
+/// The frames that were found.
+#[derive(Serialize)]
+struct Sequence {
+    count: usize,
+    frames: String,
+    missing: String,
+}
+
 /// The answer to `--inspect`, as JSON or for people.
-pub fn describe(picture: &Picture, options: &Options, json: bool) -> Result<String> {
-    let frame = picture.frame();
-    let would_run = would_run(picture, options);
-    if json {
-        let size = [frame.width(), frame.height()];
-        let inspection = Inspection { layout: picture.layout(), size, would_run, options };
-        return serde_json::to_string_pretty(&inspection)
-            .map_err(|error| Error::new(ErrorKind::Internal, error.to_string()));
+///
+/// # Errors
+/// When the first frame cannot be read.
+pub fn describe(plan: &Plan, arguments: &Arguments, options: &Options) -> Result<String> {
+    let Some(job) = plan.jobs.first() else {
+        return Err(Error::new(ErrorKind::Unreadable, "no frame has an input").in_file(&arguments.input));
+    };
+    let sequence = job.frame.map(|_| Sequence {
+        count: plan.jobs.len(),
+        frames: plan.jobs.iter().filter_map(|job| job.frame).collect::<FrameSet>().to_string(),
+        missing: plan.missing.iter().filter_map(|(job, _)| job.frame).collect::<FrameSet>().to_string(),
+    });
+    let picture = Picture::read(&job.input, &arguments.read_options(job))?;
+    let (layout, frame) = (picture.layout(), picture.frame());
+    let would_run = would_run(&picture, options);
+    let (width, height) = (frame.width(), frame.height());
+    if arguments.json {
+        let inspection = Inspection { sequence, layout, size: [width, height], would_run, options };
+        return Ok(apr::report::json(&inspection)?.trim_end().to_owned());
     }
-    Ok(text(picture.layout(), (frame.width(), frame.height()), &would_run))
+    let frames = sequence.map_or_else(String::new, |Sequence { count, frames, missing }| {
+        let missing = if missing.is_empty() { missing } else { format!("; missing: {missing}") };
+        format!("{count} frames: {frames}{missing}\n")
+    });
+    Ok(frames + &text(layout, (width, height), &would_run))
 }
 
 /// What of the pipeline this input and these options call for.

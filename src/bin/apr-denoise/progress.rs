@@ -1,17 +1,17 @@
 //! How far the run is: a bar on a terminal, lines for programs otherwise.
 
 use std::io::{IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Steps of the plain lines, in per cent.
 const STEP: u32 = 5;
 
-/// Where the progress is shown. It never goes back.
+/// Where the progress of all frames is shown. It never goes back.
 pub struct Progress {
     shown: Shown,
-    /// How many stages of fits there will be.
+    /// How many stages of fits each frame has.
     fits: usize,
     state: Mutex<State>,
 }
@@ -22,44 +22,57 @@ enum Shown {
     Lines,
 }
 
-/// The run's part that the current stage covers, in per cent, and what was told last.
 struct State {
-    from: f32,
-    to: f32,
+    /// How far each frame is, in per cent.
+    frames: Vec<f64>,
+    /// Their sum.
+    sum: f64,
+    /// What was told last.
     told: u32,
 }
 
 impl Progress {
-    /// For a run with so many stages of fits. Nothing is shown when `quiet`.
-    pub fn new(quiet: bool, fits: usize) -> Self {
+    /// For so many frames with so many stages of fits. Nothing is shown when `quiet`.
+    pub fn new(quiet: bool, frames: usize, fits: usize) -> Self {
         let shown = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => Shown::Nowhere,
             (false, true) => {
-                let style = ProgressStyle::with_template("{msg:12} {bar:40} {percent:>3} % {elapsed}");
+                let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {elapsed}");
                 Shown::Bar(ProgressBar::new(100).with_style(style.expect("the template is constant")))
             }
             (false, false) => Shown::Lines,
         };
-        Self { shown, fits, state: Mutex::new(State { from: 0.0, to: 0.0, told: 0 }) }
+        let state = Mutex::new(State { frames: vec![0.0; frames], sum: 0.0, told: 0 });
+        Self { shown, fits, state }
     }
 
-    /// A stage begins.
-    pub fn stage(&self, name: &str) {
+    /// The progress of the frame of this index; `label` is put before its stages on a terminal.
+    pub fn of_frame(&self, index: usize, label: Option<String>) -> FrameProgress<'_> {
+        let span = Mutex::new(Span { from: 0.0, to: 0.0 });
+        FrameProgress { all: self, index, label, span }
+    }
+
+    /// Lets `speak` write lines where a bar may be.
+    pub fn aside<T>(&self, speak: impl FnOnce() -> T) -> T {
+        match &self.shown {
+            Shown::Bar(bar) => bar.suspend(speak),
+            _ => speak(),
+        }
+    }
+
+    /// The run is over.
+    pub fn finish(&self) {
         if let Shown::Bar(bar) = &self.shown {
-            bar.set_message(name.to_owned());
+            bar.finish_and_clear();
         }
-        {
-            let mut state = self.state.lock().expect("no holder panics");
-            state.from = state.to;
-            state.to = end_of(name, state.to, self.fits);
-        }
-        self.share(0.0);
     }
 
-    /// The share of the current stage that is done.
-    pub fn share(&self, done: f32) {
-        let mut state = self.state.lock().expect("no holder panics");
-        let percent = (state.from + (state.to - state.from) * done.clamp(0.0, 1.0)) as u32;
+    fn set(&self, index: usize, percent: f64) {
+        /// A hundred whole frames may sum to a little less.
+        const ROUNDING: f64 = 1e-6;
+        let mut state = locked(&self.state);
+        state.sum += percent - std::mem::replace(&mut state.frames[index], percent);
+        let percent = (state.sum / state.frames.len() as f64 + ROUNDING) as u32;
         match &self.shown {
             Shown::Nowhere => {}
             Shown::Bar(bar) => bar.set_position(u64::from(percent)),
@@ -70,18 +83,55 @@ impl Progress {
             Shown::Lines => {}
         }
     }
+}
 
-    /// The run is over.
-    pub fn finish(&self) {
-        match &self.shown {
-            Shown::Nowhere => {}
-            Shown::Bar(bar) => bar.finish_and_clear(),
-            Shown::Lines => line(100),
+/// How far one frame is.
+pub struct FrameProgress<'a> {
+    all: &'a Progress,
+    index: usize,
+    label: Option<String>,
+    span: Mutex<Span>,
+}
+
+/// The frame's part that the current stage covers, in per cent.
+struct Span {
+    from: f32,
+    to: f32,
+}
+
+impl FrameProgress<'_> {
+    /// A stage begins.
+    pub fn stage(&self, name: &str) {
+        if let Shown::Bar(bar) = &self.all.shown {
+            let label = self.label.as_deref().map_or(String::new(), |label| format!("{label} "));
+            bar.set_message(format!("{label}{name}"));
         }
+        {
+            let mut span = locked(&self.span);
+            span.from = span.to;
+            span.to = end_of(name, span.to, self.all.fits);
+        }
+        self.share(0.0);
+    }
+
+    /// The share of the current stage that is done.
+    pub fn share(&self, done: f32) {
+        let span = locked(&self.span);
+        let percent = span.from + (span.to - span.from) * done.clamp(0.0, 1.0);
+        self.all.set(self.index, percent.into());
+    }
+
+    /// The frame is done.
+    pub fn finish(&self) {
+        self.all.set(self.index, 100.0);
     }
 }
 
-/// Where a stage ends, in per cent of the run: by experience nearly all of it is fitting.
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner) // numbers cannot be left half-changed
+}
+
+/// Where a stage ends, in per cent of the frame: by experience nearly all of it is fitting.
 fn end_of(stage: &str, before: f32, fits: usize) -> f32 {
     const FITS_BEGIN: f32 = 8.0;
     const FITS_END: f32 = 96.0;

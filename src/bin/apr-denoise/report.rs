@@ -1,26 +1,27 @@
 //! What happened in a run, for `--report` and for the last line.
 
-use std::path::Path;
-
 use apr::denoise::Stage;
-use apr::error::{Error, ErrorKind, Result};
 use apr::io::{Layout, Picture, SumCheck};
 use apr::{Denoised, Feature, Frame, Options, Summary};
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
 use crate::inspect::sum_line;
+use crate::plan::Job;
 use crate::sampling::Sampling;
+use crate::sequence_report::Outcome;
 
 /// The report's JSON.
 #[derive(Serialize)]
 pub struct Report<'a> {
     program: &'static str,
     version: &'static str,
+    /// Its number in a sequence.
+    frame: Option<i32>,
     output: String,
     layout: &'a Layout,
     options: &'a Options,
-    /// Of the whole run, wall clock.
+    /// Of all stages, wall clock.
     seconds: f64,
     /// Stages that were run, in order.
     stages: Vec<Cost>,
@@ -43,8 +44,8 @@ struct Skipped {
 }
 
 /// Mean squared error over the picture's pixels and channels, as far as it can be estimated.
-#[derive(Serialize)]
-struct EstimatedError {
+#[derive(Clone, Serialize)]
+pub struct EstimatedError {
     /// The input's, from its variance or its half buffers; none where it has neither.
     mse_before: Option<f64>,
     /// The result's.
@@ -63,7 +64,7 @@ impl<'a> Report<'a> {
         denoised: &'a Denoised,
         stages: Vec<Cost>,
         notes: Vec<String>,
-        output: &Path,
+        job: &Job,
         sampling: Option<&'a Sampling>,
     ) -> Self {
         let skipped = skipped(picture.frame(), options, &denoised.summary, &stages);
@@ -71,7 +72,8 @@ impl<'a> Report<'a> {
         Self {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
-            output: output.display().to_string(),
+            frame: job.frame,
+            output: job.output.display().to_string(),
             layout: picture.layout(),
             options,
             seconds: stages.iter().map(|stage| stage.seconds).sum(),
@@ -85,9 +87,14 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// As text of a JSON file.
-    pub fn json(&self) -> Result<String> {
-        serde_json::to_string_pretty(self).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))
+    /// What the report of a whole sequence keeps of it.
+    pub fn outcome(&self) -> Outcome {
+        Outcome::Done {
+            seconds: self.seconds,
+            estimated_error: self.estimated_error.clone(),
+            outliers: self.summary.outliers,
+            warnings: self.layout.warnings.clone(),
+        }
     }
 
     /// In one line for people, after one for each set of components.

@@ -6,7 +6,7 @@ use apr::sampling::{SamplingOptions, density, mean_error, relative_error, sample
 use apr::{Denoised, Frame};
 use serde::Serialize;
 
-use crate::arguments::Arguments;
+use crate::plan::Job;
 
 /// The channel of the sampling map.
 const CHANNEL: &str = "density.Y";
@@ -28,8 +28,13 @@ pub struct Sampling {
 
 impl Sampling {
     /// Estimates and writes what was asked for; none where nothing was.
-    pub fn new(picture: &Picture, denoised: &Denoised, arguments: &Arguments) -> Result<Option<Self>> {
-        let (map, target) = (arguments.sampling_map.as_ref(), arguments.target_error);
+    pub fn new(
+        picture: &Picture,
+        denoised: &Denoised,
+        job: &Job,
+        target: Option<f32>,
+    ) -> Result<Option<Self>> {
+        let map = job.sampling_map.as_ref();
         if map.is_none() && target.is_none() {
             return Ok(None);
         }

@@ -2,6 +2,8 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // a program talks to its user
 
+#[path = "../apr-denoise/generate.rs"]
+mod generate;
 mod rounds;
 
 use std::io::IsTerminal;
@@ -104,7 +106,7 @@ impl Args {
 }
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let args = generate::parse::<Args>();
     match run(&args) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

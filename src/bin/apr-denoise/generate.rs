@@ -1,0 +1,58 @@
+//! `--generate`: shell completions and manual pages, from the one definition of the command line.
+
+use std::io::Write;
+
+use clap::builder::PossibleValuesParser;
+use clap::{Arg, ArgMatches, Command, CommandFactory, FromArgMatches};
+use clap_complete::Shell;
+
+const NAME: &str = "generate";
+const MANUAL: &str = "man";
+const SHELLS: [(&str, Shell); 4] = [
+    ("complete-bash", Shell::Bash),
+    ("complete-zsh", Shell::Zsh),
+    ("complete-fish", Shell::Fish),
+    ("complete-powershell", Shell::PowerShell),
+];
+
+/// Parses the command line like [`clap::Parser::parse`]; answers `--generate` and ends the program.
+pub fn parse<P: CommandFactory + FromArgMatches>() -> P {
+    let mut command = with_generate(P::command());
+    let matches = command.get_matches_mut();
+    if let Some(text) = generated(&mut command, &matches) {
+        let written = std::io::stdout().write_all(&text); // nobody has to listen
+        std::process::exit(if written.is_ok() { 0 } else { 1 });
+    }
+    P::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+fn with_generate(command: Command) -> Command {
+    let subcommands = command.get_subcommands().map(|sub| format!("{MANUAL}-{}", sub.get_name()));
+    let kinds: Vec<String> = std::iter::once(MANUAL.to_owned())
+        .chain(subcommands)
+        .chain(SHELLS.iter().map(|(kind, _)| (*kind).to_owned()))
+        .collect();
+    command.arg(
+        Arg::new(NAME)
+            .long(NAME)
+            .value_name("KIND")
+            .value_parser(PossibleValuesParser::new(kinds))
+            .exclusive(true)
+            .help("Print the manual page (roff) or the completions of a shell, and stop"),
+    )
+}
+
+fn generated(command: &mut Command, matches: &ArgMatches) -> Option<Vec<u8>> {
+    let kind = matches.get_one::<String>(NAME)?;
+    let mut text = Vec::new();
+    if let Some((_, shell)) = SHELLS.iter().find(|(name, _)| name == kind) {
+        let name = command.get_name().to_owned();
+        clap_complete::generate(*shell, command, name, &mut text);
+        return Some(text);
+    }
+    command.build(); // gives subcommands their full names
+    let sub = kind.strip_prefix(MANUAL).and_then(|rest| rest.strip_prefix('-'));
+    let page = sub.and_then(|sub| command.find_subcommand(sub)).unwrap_or(command).clone();
+    clap_mangen::Man::new(page).render(&mut text).expect("memory takes all");
+    Some(text)
+}

@@ -1,0 +1,235 @@
+//! What is to be done, frame by frame, settled and checked before any work.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use apr::error::{Error, ErrorKind, Result};
+use apr::io;
+
+use crate::arguments::{Arguments, Missing};
+use crate::frames::FrameSet;
+use crate::pattern::Pattern;
+use crate::signature;
+
+/// The files of one frame.
+#[derive(Debug, Clone)]
+pub struct Job {
+    /// Its number; none where a single picture is denoised.
+    pub frame: Option<i32>,
+    pub input: PathBuf,
+    pub half: Option<PathBuf>,
+    pub with: Vec<PathBuf>,
+    pub output: PathBuf,
+    pub report: Option<PathBuf>,
+    pub sampling_map: Option<PathBuf>,
+}
+
+/// All frames of a run.
+#[derive(Debug, Default)]
+pub struct Plan {
+    /// Those to denoise, in order.
+    pub jobs: Vec<Job>,
+    /// Those whose result is there already.
+    pub finished: Vec<Job>,
+    /// Those that have no input, each with the file that is not there.
+    pub missing: Vec<(Job, PathBuf)>,
+}
+
+/// A path that the user gave: one file, or one for each frame.
+enum Name {
+    One(PathBuf),
+    Each(Pattern),
+}
+
+impl Name {
+    fn new(path: &Path, sequence: bool) -> Self {
+        let pattern = Pattern::parse(path).filter(|_| sequence);
+        pattern.map_or_else(|| Self::One(path.to_owned()), Self::Each)
+    }
+
+    fn of(&self, frame: Option<i32>) -> PathBuf {
+        match (self, frame) {
+            (Self::Each(pattern), Some(frame)) => pattern.path(frame),
+            (Self::Each(pattern), None) => pattern.path(0),
+            (Self::One(path), _) => path.clone(),
+        }
+    }
+}
+
+impl Plan {
+    /// The frames that are asked for and the names of their files.
+    ///
+    /// # Errors
+    /// `Unreadable` when a frame has no file and `--missing` does not say to skip it, or no frame is
+    /// found at all; `Usage` when there are frames but no place for their number.
+    pub fn new(arguments: &Arguments) -> Result<Self> {
+        // A file of that very name is that file, whatever its name looks like.
+        let literal = arguments.frames.is_none() && arguments.input.exists();
+        let pattern = Pattern::parse(&arguments.input).filter(|_| !literal);
+        let frames: Vec<Option<i32>> = match (&pattern, &arguments.frames) {
+            (Some(pattern), given) => chosen(pattern, given.as_ref(), &arguments.input)?,
+            (None, None) => vec![None],
+            (None, Some(_)) => {
+                return Err(usage("--frames wants an input with a place for the frame's number")
+                    .remedy("write it as shot.####.exr, shot.%04d.exr, shot.$F4.exr or shot.<frame4>.exr")
+                    .in_file(&arguments.input));
+            }
+        };
+        let name = |path: &PathBuf| Name::new(path, pattern.is_some());
+        let (input, half) = (name(&arguments.input), arguments.half.as_ref().map(name));
+        if let (Some(Name::One(path)), [_, _, ..]) = (&half, &frames[..]) {
+            return Err(usage("--half is one file for many frames")
+                .remedy("give it a place for the frame's number (####)")
+                .in_file(path));
+        }
+        let with: Vec<Name> = arguments.with.iter().map(name).collect();
+        let (output, report) = (arguments.output.as_ref().map(name), arguments.report.as_ref().map(name));
+        let sampling_map = arguments.sampling_map.as_ref().map(name);
+        let job = |frame| Job {
+            frame,
+            input: input.of(frame),
+            half: half.as_ref().map(|half| half.of(frame)),
+            with: with.iter().map(|with| with.of(frame)).collect(),
+            output: output.as_ref().map_or_else(PathBuf::new, |output| output.of(frame)),
+            report: report.as_ref().map(|report| report.of(frame)),
+            sampling_map: sampling_map.as_ref().map(|map| map.of(frame)),
+        };
+        let mut plan = Self { jobs: frames.into_iter().map(job).collect(), ..Self::default() };
+        if pattern.is_some() {
+            plan.take_out_missing(arguments.missing)?;
+        }
+        Ok(plan)
+    }
+
+    /// All frames, whatever is to become of them.
+    pub fn frames(&self) -> impl Iterator<Item = &Job> {
+        self.jobs.iter().chain(&self.finished).chain(self.missing.iter().map(|(job, _)| job))
+    }
+
+    fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
+        let mut there = Vec::new();
+        for job in std::mem::take(&mut self.jobs) {
+            let gone = job.sources().find(|path| !path.exists()).cloned();
+            match gone {
+                Some(path) => self.missing.push((job, path)),
+                None => there.push(job),
+            }
+        }
+        self.jobs = there;
+        match (&self.missing[..], policy) {
+            ([], _) | (_, Missing::Skip) => Ok(()),
+            (missing @ [(_, first), ..], Missing::Error) => {
+                let frames: FrameSet = missing.iter().filter_map(|(job, _)| job.frame).collect();
+                let what = format!("is missing; {} frames have no input: {frames}", missing.len());
+                Err(Error::new(ErrorKind::Unreadable, what)
+                    .remedy("render them, check the name's padding, or leave them out by --missing skip")
+                    .in_file(first))
+            }
+        }
+    }
+
+    /// Checks that every result has a place of its own, and sets those apart that are there already
+    /// when `skip_existing`: they must have been made by the settings of `signature`.
+    ///
+    /// # Errors
+    /// `Usage` when results would overwrite each other or an input that is still needed, or were made
+    /// by other settings; `Unwritable` when a folder takes no file.
+    pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
+        self.check_collisions()?;
+        if arguments.skip_existing {
+            self.take_out_finished(signature)?;
+        }
+        let mut seen = HashSet::new();
+        let all = self.jobs.iter().flat_map(Job::targets);
+        for target in all.chain(&arguments.sequence_report) {
+            // One try in each folder is enough, but a folder in a file's place is told for each.
+            if seen.insert(target.parent()) || target.is_dir() {
+                io::check_target(target)?; // better now than after the work
+            }
+        }
+        Ok(())
+    }
+
+    fn check_collisions(&self) -> Result<()> {
+        let mut targets: HashSet<&Path> = HashSet::new();
+        for job in &self.jobs {
+            for target in job.targets() {
+                if !targets.insert(target) {
+                    return Err(usage("several results would be written here")
+                        .remedy("give outputs and reports different names, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
+                        .in_file(target));
+                }
+            }
+        }
+        let read_by: HashMap<&Path, Option<i32>> =
+            self.jobs.iter().flat_map(|job| job.sources().map(|path| (path.as_path(), job.frame))).collect();
+        for job in &self.jobs {
+            let own_input = job.output == job.input;
+            if !own_input && read_by.contains_key(job.output.as_path()) {
+                return Err(usage("is an input as well as a result")
+                    .remedy("give the results names of their own")
+                    .in_file(&job.output));
+            }
+        }
+        Ok(())
+    }
+
+    fn take_out_finished(&mut self, signature: &str) -> Result<()> {
+        let mut to_do = Vec::new();
+        let mut by_others: Vec<(Job, String)> = Vec::new();
+        for job in std::mem::take(&mut self.jobs) {
+            if !job.output.exists() {
+                to_do.push(job);
+                continue;
+            }
+            let found = io::signature(&job.output).ok().flatten();
+            match found {
+                Some(found) if found == signature => {
+                    let whole = job.report.as_ref().is_none_or(|report| report.exists());
+                    if whole { self.finished.push(job) } else { to_do.push(job) }
+                }
+                None if job.output == job.input => to_do.push(job), // not denoised in place yet
+                found => by_others.push((job, signature::difference(found.as_deref(), signature))),
+            }
+        }
+        self.jobs = to_do;
+        let Some((first, difference)) = by_others.first() else { return Ok(()) };
+        let frames: FrameSet = by_others.iter().filter_map(|(job, _)| job.frame).collect();
+        let frames = if frames.is_empty() { String::new() } else { format!(" (and so for frames {frames})") };
+        Err(usage(&format!("was made otherwise: {difference}{frames}"))
+            .remedy("remove it, write elsewhere, or run without --skip-existing")
+            .in_file(&first.output))
+    }
+}
+
+impl Job {
+    /// All files that are read for it.
+    fn sources(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.input).chain(&self.half).chain(&self.with)
+    }
+
+    /// All files that are written for it.
+    fn targets(&self) -> impl Iterator<Item = &PathBuf> {
+        std::iter::once(&self.output).chain(&self.report).chain(&self.sampling_map)
+    }
+
+    /// How messages call it.
+    pub fn label(&self) -> String {
+        self.frame.map_or_else(|| self.input.display().to_string(), |frame| format!("frame {frame}"))
+    }
+}
+
+/// The frames that are given, else those that have a file.
+fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<Vec<Option<i32>>> {
+    let found = given.cloned().unwrap_or_else(|| pattern.frames_on_disk());
+    if found.is_empty() {
+        return Err(Error::new(ErrorKind::Unreadable, "no file has a name of this pattern")
+            .remedy("check the name and its padding: #### stands for a number of at least four digits")
+            .in_file(input));
+    }
+    Ok(found.iter().map(Some).collect())
+}
+
+fn usage(what: &str) -> Error {
+    Error::new(ErrorKind::Usage, what)
+}

@@ -1,0 +1,214 @@
+//! The run: one frame or many, the next being read and the last being written while one is computed.
+//!
+//! Three frames are held at most: one that was read and waits, one that is denoised, one that is
+//! written. The order of the work changes no bit of any result.
+
+use std::collections::HashSet;
+use std::io::Write;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Mutex, PoisonError};
+use std::time::Instant;
+
+use apr::error::{Error, ErrorKind, Result};
+use apr::io::{self, Picture};
+use apr::{Denoised, Options};
+
+use crate::arguments::Arguments;
+use crate::clock::{Clock, memory};
+use crate::failure::caught;
+use crate::plan::{Job, Plan};
+use crate::progress::Progress;
+use crate::report::Report;
+use crate::sampling::Sampling;
+use crate::sequence_report::{Outcome, SequenceReport, failure};
+
+/// What all frames share.
+struct Run<'a> {
+    plan: &'a Plan,
+    arguments: &'a Arguments,
+    options: &'a Options,
+    signature: &'a str,
+    progress: Progress,
+    /// No frame after the one of this index is begun: it is the first that failed.
+    last: AtomicUsize,
+    /// Some frame's estimated error is above the target.
+    target_missed: AtomicBool,
+    outcomes: Mutex<Vec<Outcome>>,
+    errors: Mutex<Vec<(usize, Error)>>,
+    /// Warnings that were given: those of a sequence tend to be the same for every frame.
+    warned: Mutex<HashSet<String>>,
+}
+
+/// A frame on its way; the index is its job's.
+struct Step<'a, T> {
+    index: usize,
+    clock: Clock<'a>,
+    content: T,
+}
+
+/// Denoises the plan's frames and tells what became of them, and whether none is above the target error.
+///
+/// # Errors
+/// Of the kind of the first frame that failed; those before it are done all the same.
+pub fn run(plan: &Plan, arguments: &Arguments, options: &Options, signature: &str) -> Result<bool> {
+    let begun = Instant::now();
+    let run = Run {
+        plan,
+        arguments,
+        options,
+        signature,
+        progress: Progress::new(arguments.quiet, plan.jobs.len(), options.stages.len()),
+        last: AtomicUsize::new(usize::MAX),
+        target_missed: AtomicBool::new(false),
+        outcomes: Mutex::new(vec![Outcome::NotRun; plan.jobs.len()]),
+        errors: Mutex::default(),
+        warned: Mutex::default(),
+    };
+    std::thread::scope(|scope| {
+        // No place in the channels: who is ahead keeps its frame until the next takes it.
+        let (read, to_denoise) = sync_channel(0);
+        let (denoised, to_write) = sync_channel(0);
+        let run = &run;
+        scope.spawn(move || run.read_all(&read));
+        scope.spawn(move || run.write_all(&to_write));
+        run.denoise_all(&to_denoise, &denoised);
+        drop(denoised);
+    });
+    run.progress.finish();
+    let outcomes = run.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let errors = run.errors.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let seconds = begun.elapsed().as_secs_f64();
+    let report = SequenceReport::new(plan, &outcomes, options, seconds, memory::peak());
+    if let Some(path) = &arguments.sequence_report {
+        report.write(path)?;
+    }
+    let sequence = plan.frames().any(|job| job.frame.is_some());
+    if sequence && !arguments.quiet {
+        print(&report.line())?;
+    }
+    failure(plan, errors)?;
+    Ok(!run.target_missed.into_inner())
+}
+
+impl<'a> Run<'a> {
+    fn read_all(&'a self, next: &SyncSender<Step<'a, Picture>>) {
+        for (index, job) in self.plan.jobs.iter().enumerate() {
+            if index > self.last.load(Ordering::Relaxed) {
+                return;
+            }
+            let progress = self.progress.of_frame(index, job.frame.map(|_| job.label()));
+            let clock = Clock::new(progress, self.plan.jobs.len() == 1);
+            let picture = self.tried(index, || self.read(job, &clock));
+            let Some(content) = picture else { continue };
+            if next.send(Step { index, clock, content }).is_err() {
+                return;
+            }
+        }
+    }
+
+    fn denoise_all(
+        &'a self,
+        pictures: &Receiver<Step<'a, Picture>>,
+        next: &SyncSender<Step<'a, (Picture, Denoised)>>,
+    ) {
+        for Step { index, clock, content: picture } in pictures {
+            if index > self.last.load(Ordering::Relaxed) {
+                continue;
+            }
+            let denoised = self.tried(index, || {
+                let denoised = apr::denoise::denoise_observed(picture.frame(), self.options, &clock);
+                clock.pause();
+                denoised
+            });
+            let Some(denoised) = denoised else { continue };
+            if next.send(Step { index, clock, content: (picture, denoised) }).is_err() {
+                return;
+            }
+        }
+    }
+
+    fn write_all(&self, results: &Receiver<Step<'a, (Picture, Denoised)>>) {
+        for Step { index, clock, content: (picture, denoised) } in results {
+            let written =
+                self.tried(index, || self.write(&self.plan.jobs[index], &picture, &denoised, clock));
+            if let Some(outcome) = written {
+                self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
+            }
+        }
+    }
+
+    fn read(&self, job: &Job, clock: &Clock) -> Result<Picture> {
+        clock.begin("read");
+        let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
+        picture.sign(self.signature);
+        clock.pause();
+        if !self.arguments.quiet {
+            picture.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
+        }
+        Ok(picture)
+    }
+
+    fn write(&self, job: &Job, picture: &Picture, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
+        clock.begin("write");
+        let notes = picture.write(&job.output, denoised, self.arguments.aux)?;
+        let stages = clock.finish();
+        let sampling = Sampling::new(picture, denoised, job, self.arguments.target_error)?;
+        if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
+            self.target_missed.store(true, Ordering::Relaxed);
+        }
+        let report = Report::new(picture, self.options, denoised, stages, notes, job, sampling.as_ref());
+        if let Some(path) = &job.report {
+            io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
+        }
+        if !self.arguments.quiet {
+            let needed = sampling.as_ref().and_then(Sampling::line);
+            self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
+        }
+        Ok(report.outcome())
+    }
+
+    /// Does a frame's `work`; a failure is told, remembered, and stops the run unless it is to go on.
+    fn tried<T>(&self, index: usize, work: impl FnOnce() -> Result<T>) -> Option<T> {
+        let error = match caught(work) {
+            Ok(done) => return Some(done),
+            Err(error) => error,
+        };
+        if !self.arguments.keep_going {
+            self.last.fetch_min(index, Ordering::Relaxed);
+        }
+        let job = &self.plan.jobs[index];
+        if job.frame.is_some() {
+            // A single picture's is told at the end.
+            self.progress.aside(|| complain(&format!("{}: {error}", job.label())));
+        }
+        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] =
+            Outcome::Failed { exit_code: error.kind().exit_code(), error: error.to_string() };
+        self.errors.lock().unwrap_or_else(PoisonError::into_inner).push((index, error));
+        None
+    }
+
+    fn warn(&self, job: &Job, warning: &str) {
+        let new = self.warned.lock().unwrap_or_else(PoisonError::into_inner).insert(warning.to_owned());
+        if new {
+            let place = job.frame.map_or(String::new(), |_| format!("{}: ", job.label()));
+            self.progress.aside(|| complain(&format!("warning: {place}{warning}")));
+        }
+    }
+}
+
+/// Answers on the standard output; whoever closed it does not want to hear.
+pub fn print(text: &str) -> Result<()> {
+    match writeln!(std::io::stdout(), "{text}") {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::new(ErrorKind::Unwritable, format!("the standard output cannot be written: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Tells something on the way that is no answer.
+#[expect(clippy::print_stderr, reason = "where this program warns")]
+pub fn complain(words: &str) {
+    eprintln!("{}: {words}", env!("CARGO_BIN_NAME"));
+}

@@ -1,0 +1,303 @@
+//! Sequences: the bits of single runs, what is left out and why, and how a run goes on.
+
+mod exr_files;
+
+use std::path::PathBuf;
+
+use assert_cmd::Command;
+use exr::prelude::Compression;
+use exr_files::{channels, layer, scan_lines, write_one};
+use serde_json::Value;
+
+const SIZE: (usize, usize) = (24, 18);
+
+/// A folder with the renders `shot.0001.exr` and so on.
+struct Shot(tempfile::TempDir);
+
+impl Shot {
+    fn new(frames: &[i32]) -> Self {
+        let shot = Self(tempfile::tempdir().unwrap());
+        frames.iter().for_each(|&frame| shot.render("shot", frame));
+        shot
+    }
+
+    /// Every frame has a size of its own, so that no result can be taken for another's.
+    fn render(&self, name: &str, frame: i32) {
+        let names =
+            ["R", "G", "B", "variance.R", "variance.G", "variance.B", "albedo.R", "albedo.G", "albedo.B"];
+        let size = (SIZE.0 + frame as usize, SIZE.1 + name.len());
+        let layer = layer(None, size, (0, 0), scan_lines(Compression::ZIP16), channels(size, &names));
+        write_one(&self.path(&format!("{name}.{frame:04}.exr")), layer);
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    /// Runs in the folder; exit code, answers and complaints.
+    fn run(&self, arguments: &[&str]) -> (i32, String, String) {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+        let output = command.current_dir(self.0.path()).args(arguments).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+        (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+    }
+
+    /// Runs and expects `code`.
+    fn expect(&self, code: i32, arguments: &[&str]) -> (String, String) {
+        let (ended, said, complaints) = self.run(arguments);
+        assert_eq!(ended, code, "{arguments:?}: {said}{complaints}");
+        (said, complaints)
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&self.bytes(name)).unwrap()
+    }
+
+    /// Frame and state of every frame in the sequence's report.
+    fn states(&self, name: &str) -> Vec<(i64, String)> {
+        let report = self.json(name);
+        let state =
+            |entry: &Value| (entry["frame"].as_i64().unwrap(), entry["state"].as_str().unwrap().to_owned());
+        report["frames"].as_array().unwrap().iter().map(state).collect()
+    }
+
+    /// The names that begin with `start`.
+    fn names(&self, start: &str) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).unwrap();
+        let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+        let mut names: Vec<String> = names.filter(|name| name.starts_with(start)).collect();
+        names.sort();
+        names
+    }
+}
+
+fn states(expected: &[(i64, &str)]) -> Vec<(i64, String)> {
+    expected.iter().map(|(frame, state)| (*frame, (*state).to_owned())).collect()
+}
+
+#[test]
+fn a_sequence_has_the_bits_of_single_runs_and_reports_of_all() {
+    let shot = Shot::new(&[1, 2, 3, 5, 12]);
+    let (said, complaints) = shot.expect(
+        0,
+        &[
+            "shot.####.exr",
+            "den.%03d.exr",
+            "--report",
+            "$F.json",
+            "--sequence-report",
+            "all.json",
+            "--aux",
+            "--frames",
+            "1-5:2,2,12",
+        ],
+    );
+    assert_eq!(complaints, "");
+    assert_eq!(
+        shot.names("den"),
+        ["den.001.exr", "den.002.exr", "den.003.exr", "den.005.exr", "den.012.exr"]
+    );
+    for frame in [1, 2, 3, 5, 12] {
+        shot.expect(0, &[&format!("shot.{frame:04}.exr"), "one.exr", "--aux", "--quiet", "--threads", "1"]);
+        assert!(shot.bytes("one.exr") == shot.bytes(&format!("den.{frame:03}.exr")), "frame {frame} differs");
+        let report = shot.json(&format!("{frame}.json"));
+        assert_eq!((&report["frame"], &report["stages"][0]["stage"]), (&frame.into(), &"read".into()));
+    }
+    let all = shot.json("all.json");
+    assert_eq!(all["counts"]["done"], 5);
+    let third = &all["frames"][2];
+    assert_eq!((&third["frame"], &third["output"]), (&3.into(), &"den.003.exr".into()));
+    assert_eq!(third["estimated_error"], shot.json("3.json")["estimated_error"]);
+    assert!(third["seconds"].as_f64().unwrap() > 0.0);
+    let percent: Vec<u32> =
+        said.lines().filter_map(|line| line.strip_prefix("progress ")).map(|n| n.parse().unwrap()).collect();
+    assert!(percent.is_sorted() && percent.last() == Some(&100), "{said}");
+    assert!(said.lines().last().unwrap().starts_with("5 frames denoised in"), "{said}");
+}
+
+#[test]
+fn without_frames_all_that_are_there_are_taken() {
+    let shot = Shot::new(&[3, 7]);
+    shot.expect(0, &["shot.<frame4>.exr", "den.@@@@.exr", "--quiet"]);
+    assert_eq!(shot.names("den"), ["den.0003.exr", "den.0007.exr"]);
+    let (_, complaint) = shot.expect(3, &["nothing.####.exr", "den.####.exr"]);
+    assert!(complaint.contains("nothing.####.exr: no file") && complaint.contains("padding"), "{complaint}");
+}
+
+#[test]
+fn further_files_may_be_patterns_too() {
+    let shot = Shot::new(&[1, 2]);
+    for frame in [1, 2] {
+        // Halves have the colour's size: the name's length decides it.
+        shot.render("half", frame);
+        shot.render("with", frame);
+    }
+    shot.expect(
+        0,
+        &["shot.####.exr", "den.####.exr", "--half", "half.####.exr", "--with", "with.####.exr", "--quiet"],
+    );
+    let single =
+        ["shot.0002.exr", "one.exr", "--half", "half.0002.exr", "--with", "with.0002.exr", "--quiet"];
+    shot.expect(0, &single);
+    assert!(shot.bytes("one.exr") == shot.bytes("den.0002.exr"));
+    std::fs::remove_file(shot.path("with.0001.exr")).unwrap();
+    let (_, complaint) =
+        shot.expect(3, &["shot.####.exr", "den.####.exr", "--with", "with.####.exr", "--frames", "1-2"]);
+    assert!(complaint.contains("with.0001.exr: is missing"), "{complaint}");
+}
+
+#[test]
+fn missing_frames_are_all_named_before_any_work() {
+    let shot = Shot::new(&[1, 4]);
+    let (_, complaint) = shot.expect(3, &["shot.####.exr", "den.####.exr", "--frames", "1-6"]);
+    assert!(complaint.contains("shot.0002.exr"), "{complaint}");
+    assert!(complaint.contains("4 frames have no input: 2,3,5,6"), "{complaint}");
+    assert!(complaint.contains("--missing skip"), "{complaint}");
+    assert_eq!(shot.names("den"), [""; 0]);
+    let skip = ["shot.####.exr", "den.####.exr", "--frames", "3-4", "--missing", "skip"];
+    shot.expect(0, &[&skip[..], &["--sequence-report", "all.json", "--quiet"]].concat());
+    assert_eq!(shot.names("den"), ["den.0004.exr"]);
+    assert_eq!(shot.states("all.json"), states(&[(3, "missing"), (4, "done")]));
+}
+
+#[test]
+fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
+    let shot = Shot::new(&[1, 2, 3]);
+    let run = ["shot.####.exr", "den.####.exr", "--report", "rep.####.json", "--quiet"];
+    let again = [&run[..], &["--skip-existing", "--sequence-report", "all.json"]].concat();
+    shot.expect(0, &run);
+    let second = shot.bytes("den.0002.exr");
+    std::fs::remove_file(shot.path("den.0002.exr")).unwrap();
+    std::fs::remove_file(shot.path("rep.0003.json")).unwrap();
+    shot.expect(0, &again);
+    assert_eq!(shot.states("all.json"), states(&[(1, "skipped"), (2, "done"), (3, "done")]));
+    assert!(shot.bytes("den.0002.exr") == second);
+    shot.expect(0, &again);
+    assert_eq!(shot.states("all.json"), states(&[(1, "skipped"), (2, "skipped"), (3, "skipped")]));
+
+    let (_, complaint) = shot.expect(2, &[&again[..], &["--set", "outliers.radius=3"]].concat());
+    assert!(
+        complaint.contains("den.0001.exr: was made otherwise: its options.outliers.radius"),
+        "{complaint}"
+    );
+    assert!(complaint.contains("frames 1-3"), "{complaint}");
+    std::fs::copy(shot.path("shot.0003.exr"), shot.path("den.0003.exr")).unwrap();
+    let (_, complaint) = shot.expect(2, &again);
+    assert!(complaint.contains("den.0003.exr: was made otherwise: this program did not"), "{complaint}");
+}
+
+#[test]
+fn skipping_holds_for_one_picture_and_in_place() {
+    let shot = Shot::new(&[1]);
+    let one = ["shot.0001.exr", "den.exr", "--skip-existing", "--sequence-report", "all.json", "--quiet"];
+    let state = || shot.json("all.json")["frames"][0]["state"].clone();
+    shot.expect(0, &one);
+    assert_eq!(state(), "done");
+    shot.expect(0, &one);
+    assert_eq!(state(), "skipped");
+    let in_place = ["shot.####.exr", "shot.####.exr", "--skip-existing", "--quiet"];
+    shot.expect(0, &in_place);
+    assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"));
+    shot.expect(0, &in_place);
+    assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"), "not denoised twice");
+}
+
+#[test]
+fn a_frame_that_fails_loses_no_other() {
+    let shot = Shot::new(&[1, 2, 4, 5]);
+    std::fs::write(shot.path("shot.0003.exr"), "no picture").unwrap();
+    let run = ["shot.####.exr", "den.####.exr", "--quiet", "--sequence-report", "all.json"];
+    let (_, complaint) = shot.expect(3, &run);
+    assert!(complaint.contains("frame 3: shot.0003.exr: is no OpenEXR file"), "{complaint}");
+    assert!(complaint.contains("1 of 5 frames failed: 3"), "{complaint}");
+    let ended = [(1, "done"), (2, "done"), (3, "failed"), (4, "not_run"), (5, "not_run")];
+    assert_eq!(shot.states("all.json"), states(&ended));
+    assert_eq!(shot.json("all.json")["frames"][2]["exit_code"], 3);
+
+    shot.expect(3, &[&run[..], &["--keep-going", "--skip-existing"]].concat());
+    let ended = [(1, "skipped"), (2, "skipped"), (3, "failed"), (4, "done"), (5, "done")];
+    assert_eq!(shot.states("all.json"), states(&ended));
+
+    shot.render("shot", 3);
+    shot.expect(0, &[&run[..], &["--skip-existing"]].concat());
+    assert_eq!(shot.states("all.json")[2], (3, "done".to_owned()));
+}
+
+#[test]
+fn the_exit_code_is_that_of_the_first_frame_that_failed() {
+    let shot = Shot::new(&[1, 4]);
+    let depth = layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), channels(SIZE, &["depth.Z"]));
+    write_one(&shot.path("shot.0002.exr"), depth);
+    std::fs::write(shot.path("shot.0003.exr"), "no picture").unwrap();
+    let (_, complaint) = shot.expect(4, &["shot.####.exr", "den.####.exr", "--quiet", "--keep-going"]);
+    assert!(complaint.contains("2 of 4 frames failed: 2,3"), "{complaint}");
+    assert_eq!(shot.names("den"), ["den.0001.exr", "den.0004.exr"]);
+}
+
+#[test]
+fn names_that_would_lose_something_are_refused() {
+    let shot = Shot::new(&[1, 2]);
+    shot.render("half", 1);
+    let cases: [(&[&str], &str); 6] = [
+        (&["shot.####.exr", "den.exr"], "several results"),
+        (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
+        (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
+        (&["shot.####.exr", "den.####.exr", "--half", "half.0001.exr"], "one file for many"),
+        (
+            &["shot.####.exr", "half.####.exr", "--half", "half.####.exr", "--frames", "1"],
+            "as well as a result",
+        ),
+        (&["shot.0001.exr", "den.exr", "--frames", "1"], "place for the frame's number"),
+    ];
+    for (arguments, words) in cases {
+        let before = shot.names("");
+        let (code, _, complaint) = shot.run(arguments);
+        assert_eq!(code, 2, "{arguments:?}: {complaint}");
+        assert!(complaint.contains(words), "{arguments:?}: {complaint}");
+        assert_eq!(shot.names(""), before);
+    }
+    let (_, complaint) = shot.expect(2, &["shot.####.exr", "den.####.exr", "--frames", "9-1"]);
+    assert!(complaint.contains("write 1-9"), "{complaint}");
+}
+
+#[test]
+fn one_frame_of_a_sequence_may_have_plain_names() {
+    let shot = Shot::new(&[1, 2]);
+    shot.expect(0, &["shot.####.exr", "den.exr", "--frames", "2", "--report", "rep.json", "--quiet"]);
+    assert_eq!(shot.json("rep.json")["frame"], 2);
+}
+
+#[test]
+fn a_file_of_that_very_name_is_no_pattern() {
+    let shot = Shot::new(&[1]);
+    std::fs::rename(shot.path("shot.0001.exr"), shot.path("take #1.exr")).unwrap();
+    shot.expect(0, &["take #1.exr", "den ##.exr", "--quiet"]);
+    assert_eq!(shot.names("den"), ["den ##.exr"]);
+}
+
+#[test]
+fn inspection_tells_the_frames_and_reads_the_first() {
+    let shot = Shot::new(&[2, 3, 4, 8]);
+    let inspect = ["--inspect", "shot.####.exr", "--frames", "1-4,8", "--missing", "skip"];
+    let (said, _) = shot.expect(0, &inspect);
+    assert!(said.starts_with("4 frames: 2-4,8; missing: 1\nshot.0002.exr"), "{said}");
+    let (json, _) = shot.expect(0, &[&inspect[..], &["--json"]].concat());
+    let json: Value = serde_json::from_str(&json).unwrap();
+    assert_eq!(json["sequence"]["frames"], "2-4,8");
+    assert_eq!(json["size"][0], SIZE.0 + 2);
+}
+
+#[test]
+fn a_folder_that_takes_nothing_is_told_before_the_work() {
+    let shot = Shot::new(&[1, 2]);
+    let (_, complaint) = shot.expect(5, &["shot.####.exr", "no/such/den.####.exr"]);
+    assert!(complaint.contains("den.0001.exr: cannot be written"), "{complaint}");
+    std::fs::create_dir(shot.path("den.0002.exr")).unwrap();
+    let (_, complaint) = shot.expect(5, &["shot.####.exr", "den.####.exr"]);
+    assert!(complaint.contains("den.0002.exr: is a folder"), "{complaint}");
+    assert!(!shot.path("den.0001.exr").exists());
+}
