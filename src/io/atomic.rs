@@ -9,6 +9,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use super::attribute_order;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The ending of temporary files.
@@ -47,10 +48,7 @@ impl Drop for Temporary {
 /// # Errors
 /// When `write` fails, or the folder takes no new file, or the disk is full. Then `target` is as it
 /// was and the temporary file is gone.
-pub(super) fn write_atomically(
-    target: &Path,
-    write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
-) -> Result<()> {
+fn write_atomically(target: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<()> {
     remove_strays(target);
     let temporary = Temporary::beside(target);
     let renamed = fill(&temporary.0, write).and_then(|file| {
@@ -96,7 +94,10 @@ pub fn abandon_temporaries() {
 }
 
 fn fill(temporary: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<File> {
-    let file = File::create(temporary).map_err(|error| cannot_write(&error))?;
+    // To be read as well: the attributes of a picture's header are put in order when it is whole.
+    let mut create = File::options();
+    let file = create.read(true).write(true).create(true).truncate(true).open(temporary);
+    let file = file.map_err(|error| cannot_write(&error))?;
     let _ = file.try_lock(); // some network file systems have no locks; then strays merely stay
     let mut buffered = BufWriter::with_capacity(1 << 20, &file);
     write(&mut buffered)?;
@@ -119,6 +120,22 @@ fn remove_strays(target: &Path) {
             }
         }
     }
+}
+
+/// Writes an EXR file at `target` by `write`, like [`write_atomically`], with its attributes in order.
+///
+/// # Errors
+/// As [`write_atomically`].
+pub(super) fn write_picture_atomically(
+    target: &Path,
+    write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>,
+) -> Result<()> {
+    write_atomically(target, |file| {
+        write(file)?;
+        file.flush()
+            .and_then(|()| attribute_order::sort(file.get_ref()))
+            .map_err(|error| cannot_write(&error))
+    })
 }
 
 fn cannot_write(error: &std::io::Error) -> Error {

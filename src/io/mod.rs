@@ -19,6 +19,7 @@
 
 mod assemble;
 mod atomic;
+mod attribute_order;
 mod bounds;
 mod channels;
 mod components;

@@ -12,7 +12,7 @@ use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, Sample
 use exr::meta::header::Header;
 use exr::prelude::Compression;
 
-use super::atomic::write_atomically;
+use super::atomic::write_picture_atomically;
 use super::encode::{BATCH, block_from_lines, encode_error, write_blocks};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{FeatureKind, Frame};
@@ -49,7 +49,7 @@ pub fn write_plane(path: impl AsRef<Path>, name: &str, plane: &Plane) -> Result<
 }
 
 fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> Result<()> {
-    write_atomically(path, |file| {
+    write_picture_atomically(path, |file| {
         exr::block::write(file, std::iter::once(header).collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
             for batch in blocks.chunks(BATCH) {

@@ -16,7 +16,7 @@ use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2};
 use half::f16;
 
-use super::atomic::write_atomically;
+use super::atomic::write_picture_atomically;
 use super::decode::ChannelAt;
 use super::document::Document;
 use super::encode::{block_from_lines, encode_error, through_encoder, write_blocks};
@@ -90,7 +90,7 @@ pub(super) fn rewrite(
         let attributes = &mut headers[beauty].own_attributes.other;
         attributes.insert(Text::from(SIGNATURE), AttributeValue::Text(signature));
     }
-    write_atomically(target, |file| {
+    write_picture_atomically(target, |file| {
         exr::block::write(file, headers, false, |meta, writer| {
             for (part, new) in new.iter().enumerate() {
                 let written = if let Some(new) = new {
