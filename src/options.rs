@@ -221,7 +221,7 @@ impl Options {
         range("stages", self.stages.len(), 1, 8)?;
         for kernel in self.stages.iter().flatten() {
             range("patch_radius", kernel.patch_radius, 0, 3)?;
-            number("bandwidth", kernel.bandwidth, 0.01, 100.0)?;
+            number("bandwidth", kernel.bandwidth, 0.01, 1e6)?;
         }
         for kernels in &self.stages {
             range("kernels of a stage", kernels.len(), 1, 16)?;
@@ -232,7 +232,7 @@ impl Options {
         number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;
         range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
         range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
-        number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 100.0)?;
+        number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 1e6)?;
         number("min_coverage", self.min_coverage, 0.0, 1e3)?;
         number("noise_weight", self.noise_weight, 0.0, 1e3)?;
         number("risk_power", self.risk_power, 0.0, 4.0)?;
