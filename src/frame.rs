@@ -220,10 +220,14 @@ pub struct Denoised {
     pub color: Rgb,
     /// The frame's further pictures, through the same operator, in the same order.
     pub aovs: Vec<Aov>,
-    /// Estimated mean squared error of `color`, averaged over its channels; never negative.
+    /// Estimated mean squared error of `color`, averaged over its channels; never negative. 0 everywhere
+    /// where the method has no estimate (only baselines; the summary's notes say so).
     pub mse: Plane,
     /// Polynomial order that was chosen, averaged over the fits that cover the pixel: 0 to 3.
     pub order: Plane,
+    /// Where the method would send the next samples, in any unit, ≥ 0, higher for more urgent; none where
+    /// it has no opinion.
+    pub sampling_priority: Option<Plane>,
     /// What happened on the way.
     pub summary: Summary,
 }
@@ -231,6 +235,8 @@ pub struct Denoised {
 /// Counts and decisions of one run, for the report.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Summary {
+    /// The method's name, one of [`crate::baseline::Method::NAMES`].
+    pub method: &'static str,
     /// Pixels whose colour was NaN or infinite and was repaired from its neighbours.
     pub repaired_color: usize,
     /// Pixels whose colour was negative in some channel (kept, for they may be right, but counted).

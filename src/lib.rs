@@ -40,6 +40,7 @@
 //! ```
 
 pub mod adaptive;
+pub mod baseline;
 pub mod denoise;
 pub mod error;
 pub mod frame;

@@ -78,6 +78,8 @@ pub enum OrderChoice {
     Soft,
     /// Every orthonormal component is shrunk by its own signal-to-noise ratio.
     Shrink,
+    /// The order with the least residual, no risk asked: the highest that the window's columns allow.
+    Residual,
 }
 
 /// Options of the outlier step.

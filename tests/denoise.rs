@@ -74,7 +74,7 @@ fn noise_falls_by_much_and_the_estimated_error_is_of_the_true_ones_size() {
 
 #[test]
 fn every_way_of_choosing_the_order_denoises() {
-    for order_choice in [OrderChoice::Hard, OrderChoice::Soft, OrderChoice::Shrink] {
+    for order_choice in [OrderChoice::Hard, OrderChoice::Soft, OrderChoice::Shrink, OrderChoice::Residual] {
         let options = Options { order_choice, ..Options::default() };
         assert!(mse(&denoise(&noisy(0.1, 2), &options).unwrap().color) < 0.01 / 4.0, "{order_choice:?}");
     }

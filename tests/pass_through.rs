@@ -15,7 +15,14 @@ fn result(picture: &Picture) -> Denoised {
     let (width, height) = (picture.frame().width(), picture.frame().height());
     let plane = |k: f32| Plane::from_fn(width, height, move |x, y| k + x as f32 + 0.5 * y as f32);
     let color: Rgb = [plane(1.0), plane(2.0), plane(3.0)];
-    Denoised { color, aovs: vec![], mse: plane(4.0), order: plane(5.0), summary: Summary::default() }
+    Denoised {
+        color,
+        aovs: vec![],
+        mse: plane(4.0),
+        order: plane(5.0),
+        sampling_priority: None,
+        summary: Summary::default(),
+    }
 }
 
 /// Writes the result of `input` and returns both files in full.

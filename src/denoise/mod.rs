@@ -1,21 +1,21 @@
 //! The denoiser: the only place that knows the order of the stages.
 
 mod basis;
-mod condition;
-mod exposure;
-mod fit;
-mod gram;
+pub(crate) mod condition;
+pub(crate) mod exposure;
+pub(crate) mod fit;
+pub(crate) mod gram;
 mod nlm;
 mod outlier;
-mod prefilter;
+pub(crate) mod prefilter;
 mod reconstruct;
 mod restore;
 mod risk;
-mod sanitize;
+pub(crate) mod sanitize;
 mod solver;
-mod variance;
-mod weights;
-mod window;
+pub(crate) mod variance;
+pub(crate) mod weights;
+pub(crate) mod window;
 
 use crate::error::Result;
 use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
@@ -71,7 +71,7 @@ pub fn denoise(frame: &Frame, options: &Options) -> Result<Denoised> {
 /// When an option is out of its range.
 pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observer) -> Result<Denoised> {
     options.check()?;
-    let mut summary = Summary::default();
+    let mut summary = Summary { method: "apr", ..Summary::default() };
 
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
@@ -214,7 +214,7 @@ fn design_features(clean: &Clean, options: &Options, summary: &mut Summary) -> (
 }
 
 /// The planes to reconstruct: the colour's, then every AOV's.
-fn targets(clean: &Clean) -> impl Iterator<Item = &Plane> {
+pub(crate) fn targets(clean: &Clean) -> impl Iterator<Item = &Plane> {
     clean.color.iter().chain(clean.aovs.iter().flatten())
 }
 
@@ -222,7 +222,7 @@ fn targets_mut(clean: &mut Clean) -> impl Iterator<Item = &mut Plane> {
     clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten())
 }
 
-fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
+pub(crate) fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
     targets_mut(clean).for_each(|plane| exposure::expose(plane, factor));
     for plane in clean.halves.iter_mut().flatten().flatten() {
         exposure::expose(plane, factor);
@@ -238,6 +238,7 @@ fn unchanged(frame: &Frame, clean: Clean, summary: Summary) -> Denoised {
         aovs: names.zip(clean.aovs).map(|(name, color)| Aov { name, color }).collect(),
         mse: Plane::filled(width, height, 0.0),
         order: Plane::filled(width, height, 0.0),
+        sampling_priority: None,
         summary,
     }
 }
@@ -248,5 +249,5 @@ fn assemble(frame: &Frame, result: reconstruct::Stage, summary: Summary) -> Deno
         || -> Rgb { std::array::from_fn(|_| planes.next().expect("three planes for every picture")) };
     let color = next();
     let aovs = frame.aovs().iter().map(|aov| Aov { name: aov.name.clone(), color: next() }).collect();
-    Denoised { color, aovs, mse: result.mse, order: result.order, summary }
+    Denoised { color, aovs, mse: result.mse, order: result.order, sampling_priority: None, summary }
 }

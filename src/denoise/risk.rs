@@ -104,6 +104,15 @@ impl Evidence<'_> {
         xi
     }
 
+    /// The lowest order whose residual no higher one undercuts: RSS falls by the gain of every column.
+    fn least_residual(&self, basis: &Basis) -> usize {
+        let gains = |order: usize| {
+            let block = basis.columns_up_to(order - 1)..basis.columns_up_to(order);
+            block.map(|i| self.gain(i)).sum::<f64>()
+        };
+        (1..=basis.max_order()).filter(|&order| gains(order) > 0.0).max().unwrap_or(0)
+    }
+
     /// A sum over pixels and channels as a mean.
     fn mean(&self, sum: f64) -> f64 {
         sum / self.totals.weight / self.channels.len() as f64
@@ -123,6 +132,10 @@ pub fn choose(evidence: &Evidence<'_>, basis: &Basis, rule: OrderChoice, choice:
     choice.shrink.resize(p, 0.0);
     match rule {
         OrderChoice::Hard => choice.shrink[..basis.columns_up_to(choice.best)].fill(1.0),
+        OrderChoice::Residual => {
+            choice.best = evidence.least_residual(basis);
+            choice.shrink[..basis.columns_up_to(choice.best)].fill(1.0);
+        }
         OrderChoice::Shrink if evidence.reference == Reference::Pilot => {
             // (1−s)² g + s² d is least at s = g/(g+d). The constant carries the energy: it stays.
             choice.shrink[0] = 1.0;

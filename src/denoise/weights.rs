@@ -153,7 +153,7 @@ pub fn kernel(distances: &[f32], bandwidth: f32, weights: &mut [f32]) {
 /// exp(−x) for x ≥ 0 to about 1e-6, without a branch, so that it vectorises: 2^(−x log₂e) split into
 /// the exponent's bits and a polynomial of the fraction.
 #[inline(always)]
-fn exp_negative(x: f32) -> f32 {
+pub(crate) fn exp_negative(x: f32) -> f32 {
     let t = x.min(80.0) * std::f32::consts::LOG2_E;
     let whole = (t + 0.5) as i32; // to the nearest: the fraction is −½ to ½
     let f = whole as f32 - t;

@@ -1,0 +1,209 @@
+//! The methods that this work stands on and is measured against, each on the same [`Frame`].
+//!
+//! | name | publication |
+//! |---|---|
+//! | `apr` | the pipeline of [`crate::denoise()`] |
+//! | [`nlm`] | Rousselle, Knaus, Zwicker: Adaptive Rendering with Non-Local Means Filtering, 2012 |
+//! | [`lp`] | Moon, Iglesias-Guitian, Yoon, Mitchell: Adaptive Rendering with Linear Predictions, 2015 |
+//! | [`wavelet`] | Overbeck, Donner, Ramamoorthi: Adaptive Wavelet Rendering, 2009 |
+//! | [`nfor`] | Bitterli et al.: Nonlinearly Weighted First-order Regression, 2016 |
+//! | [`student`] | the version that this project grew from |
+//!
+//! Every method repairs the frame as the pipeline does, takes the same planes, gives the same bits on any
+//! number of threads, and returns a [`Denoised`]. Constants are the publications'; where a publication
+//! leaves one open the choice is tagged `[choice]`.
+
+mod input;
+pub mod lp;
+pub mod nfor;
+pub mod nlm;
+mod patches;
+pub mod student;
+pub mod wavelet;
+
+use crate::denoise::{Observer, denoise_observed};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::{Denoised, Frame};
+use crate::options::{Options, PrefilterOptions};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::ops::RangeInclusive;
+
+/// A way to denoise a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// Adaptive polynomial rendering, [`crate::denoise()`].
+    Apr,
+    /// [`nlm`].
+    Nlm,
+    /// [`lp`].
+    Lp,
+    /// [`wavelet`].
+    Wavelet,
+    /// [`nfor`].
+    Nfor,
+    /// [`student`].
+    Student,
+}
+
+impl Method {
+    /// Every method by its name.
+    pub const NAMES: [(&'static str, Method); 6] = [
+        ("apr", Method::Apr),
+        ("nlm", Method::Nlm),
+        ("lp", Method::Lp),
+        ("wavelet", Method::Wavelet),
+        ("nfor", Method::Nfor),
+        ("student", Method::Student),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        let named = Self::NAMES.iter().find(|(_, method)| *method == self);
+        named.expect("every method has a name").0
+    }
+
+    /// Its publication.
+    pub fn publication(self) -> &'static str {
+        match self {
+            Method::Apr => "Moon, McDonagh, Mitchell, Gross: Adaptive Polynomial Rendering (2016), improved",
+            Method::Nlm => {
+                "Rousselle, Knaus, Zwicker: Adaptive Rendering with Non-Local Means Filtering (2012)"
+            }
+            Method::Lp => {
+                "Moon, Iglesias-Guitian, Yoon, Mitchell: Adaptive Rendering with Linear Predictions (2015)"
+            }
+            Method::Wavelet => "Overbeck, Donner, Ramamoorthi: Adaptive Wavelet Rendering (2009)",
+            Method::Nfor => "Bitterli et al.: Nonlinearly Weighted First-order Regression (2016)",
+            Method::Student => "the student's version of Adaptive Polynomial Rendering",
+        }
+    }
+}
+
+/// A method together with its options.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Denoiser {
+    /// [`Method::Apr`].
+    Apr(Options),
+    /// [`Method::Nlm`].
+    Nlm(nlm::Options),
+    /// [`Method::Lp`].
+    Lp(lp::Options),
+    /// [`Method::Wavelet`].
+    Wavelet(wavelet::Options),
+    /// [`Method::Nfor`].
+    Nfor(nfor::Options),
+    /// [`Method::Student`].
+    Student(Options),
+}
+
+impl Denoiser {
+    /// `method` with its defaults.
+    pub fn new(method: Method) -> Self {
+        match method {
+            Method::Apr => Self::Apr(Options::default()),
+            Method::Nlm => Self::Nlm(nlm::Options::default()),
+            Method::Lp => Self::Lp(lp::Options::default()),
+            Method::Wavelet => Self::Wavelet(wavelet::Options::default()),
+            Method::Nfor => Self::Nfor(nfor::Options::default()),
+            Method::Student => Self::Student(student::options()),
+        }
+    }
+
+    /// `method` with the options that `source` holds. What it leaves out has its default: for the student's
+    /// version, whose options are the pipeline's, the pipeline's.
+    ///
+    /// # Errors
+    /// When an option is not known or of another type.
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        method: Method,
+        source: D,
+    ) -> std::result::Result<Self, D::Error> {
+        Ok(match method {
+            Method::Apr => Self::Apr(Deserialize::deserialize(source)?),
+            Method::Nlm => Self::Nlm(Deserialize::deserialize(source)?),
+            Method::Lp => Self::Lp(Deserialize::deserialize(source)?),
+            Method::Wavelet => Self::Wavelet(Deserialize::deserialize(source)?),
+            Method::Nfor => Self::Nfor(Deserialize::deserialize(source)?),
+            Method::Student => Self::Student(Deserialize::deserialize(source)?),
+        })
+    }
+
+    /// The method.
+    pub fn method(&self) -> Method {
+        match self {
+            Self::Apr(_) => Method::Apr,
+            Self::Nlm(_) => Method::Nlm,
+            Self::Lp(_) => Method::Lp,
+            Self::Wavelet(_) => Method::Wavelet,
+            Self::Nfor(_) => Method::Nfor,
+            Self::Student(_) => Method::Student,
+        }
+    }
+
+    /// The pipeline's options, where the method is the pipeline under some options.
+    pub fn pipeline(&self) -> Option<&Options> {
+        match self {
+            Self::Apr(options) | Self::Student(options) => Some(options),
+            _ => None,
+        }
+    }
+
+    /// Checks every option's range.
+    ///
+    /// # Errors
+    /// [`ErrorKind::Usage`] names the option, what it is and what it may be.
+    pub fn check(&self) -> Result<()> {
+        match self {
+            Self::Apr(options) | Self::Student(options) => options.check(),
+            Self::Nlm(options) => options.check(),
+            Self::Lp(options) => options.check(),
+            Self::Wavelet(options) => options.check(),
+            Self::Nfor(options) => options.check(),
+        }
+    }
+
+    /// Denoises `frame`; of the methods only the pipeline tells `observer` how it goes on.
+    ///
+    /// # Errors
+    /// When an option is out of its range.
+    pub fn denoise(&self, frame: &Frame, observer: &dyn Observer) -> Result<Denoised> {
+        match self {
+            Self::Apr(options) => denoise_observed(frame, options, observer),
+            Self::Nlm(options) => nlm::denoise(frame, options),
+            Self::Lp(options) => lp::denoise(frame, options),
+            Self::Wavelet(options) => wavelet::denoise(frame, options),
+            Self::Nfor(options) => nfor::denoise(frame, options),
+            Self::Student(options) => denoise_observed(frame, options, observer).map(|mut denoised| {
+                denoised.summary.method = Method::Student.name();
+                denoised
+            }),
+        }
+    }
+}
+
+/// Whether an option that is a whole number is within its range.
+fn whole(name: &str, value: usize, range: RangeInclusive<usize>) -> Result<()> {
+    within(name, &value, &range)
+}
+
+/// Whether an option is within its range, which NaN never is.
+fn number(name: &str, value: f32, range: RangeInclusive<f32>) -> Result<()> {
+    within(name, &value, &range)
+}
+
+/// Whether the options of a feature filter are within their ranges.
+fn prefilter(options: &PrefilterOptions) -> Result<()> {
+    crate::Options { prefilter: *options, ..crate::Options::default() }.check()
+}
+
+fn within<T: PartialOrd + std::fmt::Display>(name: &str, value: &T, range: &RangeInclusive<T>) -> Result<()> {
+    if range.contains(value) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}")).remedy(format!(
+        "give {} to {}",
+        range.start(),
+        range.end()
+    )))
+}
