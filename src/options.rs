@@ -2,6 +2,8 @@
 
 mod replace;
 
+pub(crate) use replace::replaced;
+
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};

@@ -7,8 +7,8 @@
 //! window with the least is kept. Overlapping predictions are averaged. Where nothing predicts a pixel,
 //! centres are added on ever finer grids.
 //!
-//! `[choice]` windows reach 19×19 pixels and are 3×3 at least; the first grid's spacing is 8; features
-//! are filtered as the pipeline filters them. `[choice]` the recursion starts from a prior: slopes are as
+//! `[choice]` windows reach 19×19 pixels; the first grid's spacing is 8; features are filtered as the pipeline
+//! filters them. A window of one pixel errs by the mean variance of the 3×3 pixels around it. `[choice]` the recursion starts from a prior: slopes are as
 //! large as the window's colours vary beyond their noise, the constant is free. Without it the second
 //! ring, predicted by a model of ten unknowns from nine pixels, would decide against every larger window.
 //! AOVs go through the beauty's operator: the gains of the recursion and the window are the colour's.
@@ -171,7 +171,12 @@ impl Scene<'_> {
         };
         observe(&mut model, (cx, cy));
         let (mut error, mut count) = (0.0, 0);
-        let mut best = (f64::INFINITY, 1, vec![]);
+        // The pixel alone errs by its noise.
+        let near = Window::new(cx, cy, 1, self.noise.size());
+        let around =
+            (near.y0..near.y0 + near.height).flat_map(|y| &self.noise.row(y)[near.x0..near.x0 + near.width]);
+        let own = around.map(|&v| f64::from(v)).sum::<f64>() / near.pixels() as f64;
+        let mut best = (own, 0, model.beta.clone());
         for radius in 1..=self.radius {
             let ring = design.ring(radius);
             for &at in &ring {

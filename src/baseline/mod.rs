@@ -24,7 +24,7 @@ pub mod wavelet;
 use crate::denoise::{Observer, denoise_observed};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
-use crate::options::{Options, PrefilterOptions};
+use crate::options::{Options, PrefilterOptions, replaced};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::ops::RangeInclusive;
 
@@ -127,6 +127,14 @@ impl Denoiser {
             Method::Nfor => Self::Nfor(Deserialize::deserialize(source)?),
             Method::Student => Self::Student(Deserialize::deserialize(source)?),
         })
+    }
+
+    /// The denoiser with the option called `key` replaced, as [`Options::with`] does it.
+    ///
+    /// # Errors
+    /// `Usage` when there is no such option or `new` is of another type.
+    pub fn with(self, key: &str, new: serde_json::Value) -> Result<Self> {
+        replaced(&self, key, new, |value| Self::deserialize(self.method(), value))
     }
 
     /// The method.

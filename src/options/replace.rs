@@ -12,21 +12,34 @@ impl Options {
     /// # Errors
     /// `Usage` when there is no such option or `new` is of another type.
     pub fn with(self, key: &str, new: Value) -> Result<Self> {
-        let usage = |what: String| Error::new(ErrorKind::Usage, what);
-        let mut value =
-            serde_json::to_value(self).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
-        let known = value.as_object().map(|all| all.keys().cloned().collect::<Vec<_>>().join(", "));
-        let pointer = format!("/{}", key.trim().replace('.', "/"));
-        let slot = value.pointer_mut(&pointer).ok_or_else(|| {
-            usage(format!("there is no option '{key}'"))
-                .remedy(format!("the options are {}", known.unwrap_or_default()))
-        })?;
-        *slot = new;
-        serde_json::from_value(value).map_err(|error| {
-            usage(format!("the options make no sense: {error}"))
-                .remedy("see the documentation of apr::Options")
-        })
+        replaced(&self, key, new, |value| serde_json::from_value(value))
     }
+}
+
+/// `options` as JSON with the one called `key` replaced, made into options again by `parse`.
+///
+/// # Errors
+/// `Usage` when there is no such option or `parse` refuses.
+pub(crate) fn replaced<T: serde::Serialize>(
+    options: &T,
+    key: &str,
+    new: Value,
+    parse: impl FnOnce(Value) -> serde_json::Result<T>,
+) -> Result<T> {
+    let usage = |what: String| Error::new(ErrorKind::Usage, what);
+    let mut value =
+        serde_json::to_value(options).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
+    let known = value.as_object().map(|all| all.keys().cloned().collect::<Vec<_>>().join(", "));
+    let pointer = format!("/{}", key.trim().replace('.', "/"));
+    let slot = value.pointer_mut(&pointer).ok_or_else(|| {
+        usage(format!("there is no option '{key}'"))
+            .remedy(format!("the options are {}", known.unwrap_or_default()))
+    })?;
+    *slot = new;
+    parse(value).map_err(|error| {
+        usage(format!("the options make no sense: {error}"))
+            .remedy("see the documentation of apr::Options and apr::baseline")
+    })
 }
 
 #[cfg(test)]

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use apr::denoise::Silent;
 use apr::image::{Plane, Rgb};
 use apr::io::{self, Picture, ReadOptions};
 use apr::metrics::{self, REL_MSE_EPSILON};
 use apr::report::sweep::{Input, Layer, Run, Sweep};
 use apr::report::{self, page, png};
-use apr::{Error, ErrorKind, Frame, Result, denoise};
+use apr::{Error, ErrorKind, Frame, Result};
 use serde::Deserialize;
 
 use crate::variants::{Variant, read_text, variants};
@@ -27,8 +28,8 @@ pub struct SweepArguments {
     /// The folder for the page; made when missing.
     #[arg(long, value_name = "FOLDER", default_value = "report")]
     out: PathBuf,
-    /// Settings to try instead of the built-in ones: a JSON array of {"name": …, "base":
-    /// "default" or "published", "options": {…}}.
+    /// Settings to try instead of the built-in ones: a JSON array of {"name": …, "method": …,
+    /// "preset": …, "options": {…}}; all but the name may be left out.
     #[arg(long, value_name = "FILE.json")]
     variants: Option<PathBuf>,
     /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …};
@@ -136,21 +137,27 @@ impl Trial<'_> {
         let mut denoised = None;
         for _ in 0..repeat {
             let start = Instant::now();
-            denoised = Some(denoise(self.frame, &variant.options)?);
+            denoised = Some(variant.denoiser.denoise(self.frame, &Silent)?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
         }
         let denoised = denoised.expect("every setting runs at least once");
-        let calibration = metrics::calibration(&denoised.mse, &denoised.color, self.reference)?;
+        let estimated = denoised.mse.data().iter().any(|&mse| mse > 0.0); // not all methods do
+        let calibrate = || metrics::calibration(&denoised.mse, &denoised.color, self.reference);
+        let calibration = estimated.then(calibrate).transpose()?;
         self.look(&variant.name, &denoised.color, layers)?;
         let estimate = self.relative(&denoised.mse);
         let mut add = |what: &str, png| layers.push(Layer { name: format!("{}: {what}", variant.name), png });
-        add("estimated error", png::heat_maps(&[&estimate])?);
-        add("order", png::order_map(&denoised.order)?);
+        if estimated {
+            add("estimated error", png::heat_maps(&[&estimate])?);
+        }
+        if variant.denoiser.pipeline().is_some() {
+            add("order", png::order_map(&denoised.order)?);
+        }
         Ok(Run {
             name: variant.name.clone(),
             seconds: Some(seconds),
             scores: metrics::scores(&denoised.color, self.reference)?,
-            calibration: Some(calibration),
+            calibration,
         })
     }
 

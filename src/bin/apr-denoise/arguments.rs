@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
+use apr::baseline::Method;
 use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
 use apr::options::Preset;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -106,13 +107,16 @@ pub struct Arguments {
     #[arg(long, value_name = "N", value_parser = positive, help_heading = "Channels")]
     pub spp: Option<f32>,
 
+    /// Denoise by this method: apr is this program's own, the others are those that it is measured against.
+    #[arg(long, value_name = "NAME", value_parser = method(), default_value = "apr", help_heading = "Denoiser")]
+    pub method: Method,
     /// Start from this set of options; published is the method as its paper has it.
     #[arg(long, value_name = "NAME", value_parser = preset(), help_heading = "Denoiser")]
     pub preset: Option<Preset>,
-    /// Set one option of the denoiser; VALUE is JSON, KEY may go into depth with dots.
+    /// Set one option of the method; VALUE is JSON, KEY may go into depth with dots.
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
     pub set: Vec<String>,
-    /// Read options of the denoiser from a JSON object.
+    /// Read options of the method from a JSON object.
     #[arg(long, value_name = "FILE.json", help_heading = "Denoiser")]
     pub options: Option<PathBuf>,
 }
@@ -169,6 +173,10 @@ fn renderer() -> impl TypedValueParser<Value = Renderer> {
 
 fn variance_kind() -> impl TypedValueParser<Value = VarianceKind> {
     one_of(&VarianceKind::NAMES)
+}
+
+fn method() -> impl TypedValueParser<Value = Method> {
+    one_of(&Method::NAMES)
 }
 
 fn preset() -> impl TypedValueParser<Value = Preset> {

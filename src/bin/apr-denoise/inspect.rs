@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use apr::Options;
+use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{Deviation, Layout, Picture, RoleLayout, SumCheck};
 use serde::Serialize;
@@ -20,7 +20,8 @@ struct Inspection<'a> {
     layout: &'a Layout,
     size: [usize; 2],
     would_run: Vec<String>,
-    options: &'a Options,
+    method: &'static str,
+    options: &'a Denoiser,
 }
 
 /// The frames that were found.
@@ -35,7 +36,7 @@ struct Sequence {
 ///
 /// # Errors
 /// When the first frame cannot be read.
-pub fn describe(plan: &Plan, arguments: &Arguments, options: &Options) -> Result<String> {
+pub fn describe(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
     let Some(job) = plan.jobs.first() else {
         return Err(Error::new(ErrorKind::Unreadable, "no frame has an input").in_file(&arguments.input));
     };
@@ -46,10 +47,11 @@ pub fn describe(plan: &Plan, arguments: &Arguments, options: &Options) -> Result
     });
     let picture = Picture::read(&job.input, &arguments.read_options(job))?;
     let (layout, frame) = (picture.layout(), picture.frame());
-    let would_run = would_run(&picture, options);
+    let would_run = would_run(&picture, denoiser);
     let (width, height) = (frame.width(), frame.height());
     if arguments.json {
-        let inspection = Inspection { sequence, layout, size: [width, height], would_run, options };
+        let (size, method) = ([width, height], denoiser.method().name());
+        let inspection = Inspection { sequence, layout, size, would_run, method, options: denoiser };
         return Ok(apr::report::json(&inspection)?.trim_end().to_owned());
     }
     let frames = sequence.map_or_else(String::new, |Sequence { count, frames, missing }| {
@@ -60,7 +62,12 @@ pub fn describe(plan: &Plan, arguments: &Arguments, options: &Options) -> Result
 }
 
 /// What of the pipeline this input and these options call for.
-fn would_run(picture: &Picture, options: &Options) -> Vec<String> {
+fn would_run(picture: &Picture, denoiser: &Denoiser) -> Vec<String> {
+    let Some(options) = denoiser.pipeline() else {
+        let method = denoiser.method();
+        let method = format!("{}: {}", method.name(), method.publication());
+        return vec!["repair of NaN and infinities".to_owned(), method];
+    };
     let frame = picture.frame();
     let variance = match (frame.color_var_of_mean(), frame.halves()) {
         (Some(_), _) => "the variance of the file",

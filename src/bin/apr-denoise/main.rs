@@ -38,18 +38,18 @@ fn denoise(arguments: &Arguments) -> Result<ExitCode> {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
         pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
     }
-    let options = settings::options(arguments)?;
+    let denoiser = settings::denoiser(arguments)?;
     let mut plan = Plan::new(arguments)?;
     if arguments.inspect {
-        run::print(&inspect::describe(&plan, arguments, &options)?)?;
+        run::print(&inspect::describe(&plan, arguments, &denoiser)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     if arguments.output.is_none() {
         return Err(Error::new(ErrorKind::Usage, "no output file is given")
             .remedy("name it after the input, or use --inspect"));
     }
-    let signature = signature::of(arguments, &options)?;
+    let signature = signature::of(arguments, &denoiser)?;
     plan.settle_targets(arguments, &signature)?;
-    let target_met = run::run(&plan, arguments, &options, &signature)?;
+    let target_met = run::run(&plan, arguments, &denoiser, &signature)?;
     Ok(if target_met { ExitCode::SUCCESS } else { ExitCode::from(TARGET_NOT_MET) })
 }

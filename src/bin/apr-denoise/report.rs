@@ -1,5 +1,6 @@
 //! What happened in a run, for `--report` and for the last line.
 
+use apr::baseline::Denoiser;
 use apr::denoise::Stage;
 use apr::io::{Layout, Picture, SumCheck};
 use apr::{Denoised, Feature, Frame, Options, Summary};
@@ -20,7 +21,8 @@ pub struct Report<'a> {
     frame: Option<i32>,
     output: String,
     layout: &'a Layout,
-    options: &'a Options,
+    method: &'static str,
+    options: &'a Denoiser,
     /// Of all stages, wall clock.
     seconds: f64,
     /// Stages that were run, in order.
@@ -60,14 +62,16 @@ impl<'a> Report<'a> {
     /// Everything that is known after a run.
     pub fn new(
         picture: &'a Picture,
-        options: &'a Options,
+        denoiser: &'a Denoiser,
         denoised: &'a Denoised,
         stages: Vec<Cost>,
         notes: Vec<String>,
         job: &Job,
         sampling: Option<&'a Sampling>,
     ) -> Self {
-        let skipped = skipped(picture.frame(), options, &denoised.summary, &stages);
+        let skipped = denoiser
+            .pipeline()
+            .map_or_else(Vec::new, |options| skipped(picture.frame(), options, &denoised.summary, &stages));
         let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
         Self {
             program: env!("CARGO_PKG_NAME"),
@@ -75,7 +79,8 @@ impl<'a> Report<'a> {
             frame: job.frame,
             output: job.output.display().to_string(),
             layout: picture.layout(),
-            options,
+            method: denoiser.method().name(),
+            options: denoiser,
             seconds: stages.iter().map(|stage| stage.seconds).sum(),
             stages: stages.into_iter().filter(ran).collect(),
             skipped,

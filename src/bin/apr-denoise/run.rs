@@ -10,9 +10,10 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use apr::Denoised;
+use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, Picture};
-use apr::{Denoised, Options};
 
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
@@ -27,7 +28,7 @@ use crate::sequence_report::{Outcome, SequenceReport, failure};
 struct Run<'a> {
     plan: &'a Plan,
     arguments: &'a Arguments,
-    options: &'a Options,
+    denoiser: &'a Denoiser,
     signature: &'a str,
     progress: Progress,
     /// No frame after the one of this index is begun: it is the first that failed.
@@ -51,14 +52,15 @@ struct Step<'a, T> {
 ///
 /// # Errors
 /// Of the kind of the first frame that failed; those before it are done all the same.
-pub fn run(plan: &Plan, arguments: &Arguments, options: &Options, signature: &str) -> Result<bool> {
+pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &str) -> Result<bool> {
     let begun = Instant::now();
+    let stages = denoiser.pipeline().map_or(1, |options| options.stages.len());
     let run = Run {
         plan,
         arguments,
-        options,
+        denoiser,
         signature,
-        progress: Progress::new(arguments.quiet, plan.jobs.len(), options.stages.len()),
+        progress: Progress::new(arguments.quiet, plan.jobs.len(), stages),
         last: AtomicUsize::new(usize::MAX),
         target_missed: AtomicBool::new(false),
         outcomes: Mutex::new(vec![Outcome::NotRun; plan.jobs.len()]),
@@ -79,7 +81,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, options: &Options, signature: &st
     let outcomes = run.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
     let errors = run.errors.into_inner().unwrap_or_else(PoisonError::into_inner);
     let seconds = begun.elapsed().as_secs_f64();
-    let report = SequenceReport::new(plan, &outcomes, options, seconds, memory::peak());
+    let report = SequenceReport::new(plan, &outcomes, denoiser, seconds, memory::peak());
     if let Some(path) = &arguments.sequence_report {
         report.write(path)?;
     }
@@ -117,7 +119,10 @@ impl<'a> Run<'a> {
                 continue;
             }
             let denoised = self.tried(index, || {
-                let denoised = apr::denoise::denoise_observed(picture.frame(), self.options, &clock);
+                if self.denoiser.pipeline().is_none() {
+                    clock.begin(self.denoiser.method().name()); // which tells of no stages
+                }
+                let denoised = self.denoiser.denoise(picture.frame(), &clock);
                 clock.pause();
                 denoised
             });
@@ -157,7 +162,7 @@ impl<'a> Run<'a> {
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
         }
-        let report = Report::new(picture, self.options, denoised, stages, notes, job, sampling.as_ref());
+        let report = Report::new(picture, self.denoiser, denoised, stages, notes, job, sampling.as_ref());
         if let Some(path) = &job.report {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }

@@ -1,6 +1,6 @@
 //! What became of every frame, for `--sequence-report`.
 
-use apr::Options;
+use apr::baseline::Denoiser;
 use apr::error::{Error, Result};
 use apr::io;
 use serde::Serialize;
@@ -14,7 +14,7 @@ use crate::report::EstimatedError;
 pub struct SequenceReport<'a> {
     program: &'static str,
     version: &'static str,
-    options: &'a Options,
+    options: &'a Denoiser,
     /// Of the whole run, wall clock. Frames overlap, so it is less than theirs together.
     seconds: f64,
     /// Most memory that the process had resident, where the system tells.
@@ -70,7 +70,7 @@ impl<'a> SequenceReport<'a> {
     pub fn new(
         plan: &Plan,
         outcomes: &[Outcome],
-        options: &'a Options,
+        options: &'a Denoiser,
         seconds: f64,
         peak_memory_bytes: Option<u64>,
     ) -> Self {

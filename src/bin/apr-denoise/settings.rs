@@ -1,18 +1,26 @@
-//! The denoiser's options from a file and from `--set`, whatever they are called.
+//! The method and its options from a file and from `--set`, whatever they are called.
 
-use apr::Options;
+use apr::baseline::{Denoiser, Method};
 use apr::error::{Error, ErrorKind, Result};
 use serde_json::Value;
 
 use crate::arguments::Arguments;
 
-/// The options: the preset's, then the file's, then each `--set` in turn.
+/// The method with its options: its own or the preset's, then the file's, then each `--set` in turn.
 ///
 /// # Errors
-/// `Usage` when an option is not known or out of its range; `Unreadable` when the file is.
-pub fn options(arguments: &Arguments) -> Result<Options> {
-    let preset = arguments.preset.unwrap_or(Options::default);
-    let mut options = preset();
+/// `Usage` when an option is not known or out of its range, or a baseline is given a preset; `Unreadable`
+/// when the file is.
+pub fn denoiser(arguments: &Arguments) -> Result<Denoiser> {
+    let method = arguments.method;
+    let mut options = match arguments.preset {
+        None => Denoiser::new(method),
+        Some(preset) if method == Method::Apr => Denoiser::Apr(preset()),
+        Some(_) => {
+            let what = format!("the method {} has no presets", method.name());
+            return Err(Error::new(ErrorKind::Usage, what).remedy("leave --preset or --method out"));
+        }
+    };
     if let Some(path) = &arguments.options {
         let text = std::fs::read_to_string(path).map_err(|error| {
             Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}")).in_file(path)
@@ -39,5 +47,5 @@ pub fn options(arguments: &Arguments) -> Result<Options> {
 
 fn usage(error: &serde_json::Error) -> Error {
     Error::new(ErrorKind::Usage, format!("the options make no sense: {error}"))
-        .remedy("see the documentation of apr::Options")
+        .remedy("see the documentation of apr::Options and apr::baseline")
 }

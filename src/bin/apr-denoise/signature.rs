@@ -1,7 +1,7 @@
 //! What a result was made by, in an attribute of its file: so that a run that goes on by
 //! `--skip-existing` never leaves a sequence of two kinds.
 
-use apr::Options;
+use apr::baseline::Denoiser;
 use apr::error::Result;
 use apr::report;
 use serde_json::{Map, Value, json};
@@ -12,12 +12,13 @@ use crate::arguments::Arguments;
 ///
 /// # Errors
 /// When a value cannot be expressed as JSON.
-pub fn of(arguments: &Arguments, options: &Options) -> Result<String> {
+pub fn of(arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
     let mapping = |mapping: &apr::io::Mapping| format!("{}={}", mapping.name, mapping.channels.join(","));
     let text = report::json(&json!({
         "program": env!("CARGO_PKG_NAME"),
         "version": env!("CARGO_PKG_VERSION"),
-        "options": options,
+        "method": denoiser.method().name(),
+        "options": denoiser,
         "profile": arguments.profile,
         "map": arguments.map.iter().map(mapping).collect::<Vec<_>>(),
         "feature": arguments.feature.iter().map(mapping).collect::<Vec<_>>(),
