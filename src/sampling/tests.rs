@@ -124,6 +124,7 @@ fn the_estimate_is_the_calibrated_mean_of_risk_and_noise_and_survives_broken_val
         aovs: vec![],
         mse: error(|_, _| 0.001),
         order: error(|_, _| 0.0),
+        sampling_priority: None,
         summary: crate::Summary::default(),
     };
     let noisy = |v: f32| std::array::from_fn(|_| error(|x, y| if (x, y) == (2, 2) { f32::NAN } else { v }));
