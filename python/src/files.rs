@@ -1,0 +1,138 @@
+//! EXR files.
+
+use std::collections::HashMap;
+use std::path::PathBuf;
+
+use apr::io::{FrameHeader, Mapping, Picture, ReadOptions, Renderer, VarianceKind};
+use apr::{Aov, Frame};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::{planes, rgb};
+use crate::errors::raised;
+use crate::frame::{from_json, keywords};
+use crate::{chosen, on_threads};
+
+/// How to understand a file: the keywords that `read_exr` and `denoise_exr` share.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub struct Reading {
+    profile: Option<String>,
+    #[pyo3(item("map"))]
+    roles: HashMap<String, String>,
+    features: HashMap<String, String>,
+    variance_kind: Option<String>,
+    spp: Option<f32>,
+    half: Option<PathBuf>,
+    further: Vec<PathBuf>,
+    aovs: Vec<String>,
+}
+
+impl Reading {
+    fn options(self) -> PyResult<ReadOptions> {
+        Ok(ReadOptions {
+            profile: self.profile.map(|name| one_of("profile", &Renderer::NAMES, &name)).transpose()?,
+            map: mappings(self.roles)?,
+            features: mappings(self.features)?,
+            variance_kind: self
+                .variance_kind
+                .map(|name| one_of("variance_kind", &VarianceKind::NAMES, &name))
+                .transpose()?,
+            spp: self.spp,
+            half: self.half,
+            with: self.further,
+            aovs: self.aovs,
+        })
+    }
+}
+
+fn mappings(given: HashMap<String, String>) -> PyResult<Vec<Mapping>> {
+    let mut given: Vec<_> = given.into_iter().collect();
+    given.sort(); // a HashMap's order is chance, the result's bits are not to be
+    given.into_iter().map(|(name, channels)| format!("{name}={channels}").parse().map_err(raised)).collect()
+}
+
+fn one_of<T: Copy>(what: &str, names: &[(&str, T)], wanted: &str) -> PyResult<T> {
+    let found = names.iter().find(|(name, _)| *name == wanted).map(|(_, value)| *value);
+    found.ok_or_else(|| {
+        let known: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+        PyValueError::new_err(format!("there is no {what} '{wanted}'; use one of {}", known.join(", ")))
+    })
+}
+
+/// `read_exr` without Python's defaults, which `apr/__init__.py` has.
+#[pyfunction]
+pub fn read_exr<'py>(
+    py: Python<'py>,
+    path: PathBuf,
+    reading: Reading,
+) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>)> {
+    let options = reading.options()?;
+    let picture = py.detach(|| Picture::read(&path, &options)).map_err(raised)?;
+    Ok((keywords(py, picture.frame())?, from_json(py, picture.layout())?))
+}
+
+/// Writes a colour and further layers as 32-bit floats.
+#[pyfunction]
+#[pyo3(signature = (path, color, *, layers=None, spp=None, seed=None))]
+pub fn write_exr(
+    py: Python<'_>,
+    path: PathBuf,
+    color: &Bound<'_, PyAny>,
+    layers: Option<&Bound<'_, PyDict>>,
+    spp: Option<f32>,
+    seed: Option<u64>,
+) -> PyResult<()> {
+    let mut frame = Frame::new(rgb("color", color)?).map_err(raised)?;
+    let mut further = Vec::new();
+    for (name, array) in layers.into_iter().flatten() {
+        let name: String = name.extract()?;
+        let planes = planes(&format!("layers['{name}']"), &array)?;
+        match <[_; 3]>::try_from(planes) {
+            Ok(color) => frame = frame.with_aov(Aov { name, color }).map_err(raised)?,
+            Err(planes) if planes.len() == 1 => further.push((format!("{name}.Y"), planes)),
+            Err(planes) => {
+                let what =
+                    format!("layers['{name}'] has {} channels where 1 or 3 were expected", planes.len());
+                return Err(PyValueError::new_err(what));
+            }
+        }
+    }
+    if let Some(spp) = spp {
+        frame = frame.with_spp(spp);
+    }
+    let further: Vec<_> = further.iter().map(|(name, planes)| (name.as_str(), &planes[0])).collect();
+    let header = FrameHeader { seed, further: &further };
+    py.detach(|| apr::io::write_frame(&path, &frame, &header)).map_err(raised)
+}
+
+/// The command line's work: reads, denoises and writes the file again.
+#[pyfunction]
+pub fn denoise_exr<'py>(
+    py: Python<'py>,
+    input: PathBuf,
+    output: PathBuf,
+    reading: Reading,
+    preset: &str,
+    options: Option<&Bound<'py, PyDict>>,
+    aux: bool,
+    threads: Option<usize>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let options = chosen(preset, options)?;
+    let reading = reading.options()?;
+    let work = || -> apr::Result<_> {
+        apr::io::check_target(&output)?;
+        let picture = Picture::read(&input, &reading)?;
+        let denoised = apr::denoise(picture.frame(), &options)?;
+        let notes = picture.write(&output, &denoised, aux)?;
+        Ok((picture, denoised, notes))
+    };
+    let (picture, denoised, notes) = py.detach(|| on_threads(threads, work))?.map_err(raised)?;
+    let report = PyDict::new(py);
+    report.set_item("layout", from_json(py, picture.layout())?)?;
+    report.set_item("summary", from_json(py, &denoised.summary)?)?;
+    report.set_item("sums", from_json(py, &picture.sums(&denoised))?)?;
+    report.set_item("notes", notes)?;
+    Ok(report)
+}

@@ -1,0 +1,163 @@
+//! Keywords to a frame, and a result to a dictionary.
+
+use apr::io::bound_feature;
+use apr::{Aov, Denoised, Feature, FeatureKind, Frame};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+use serde::Serialize;
+
+use crate::arrays::{from_plane, from_planes, planes, rgb};
+use crate::errors::raised;
+
+/// What `denoise` is given.
+pub struct Given<'a, 'py> {
+    pub color: &'a Bound<'py, PyAny>,
+    pub variance: Option<&'a Bound<'py, PyAny>>,
+    pub halves: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    pub named: [(&'static str, Option<Bound<'py, PyAny>>); 5],
+    pub features: Option<&'a Bound<'py, PyDict>>,
+    pub feature_variance: Option<&'a Bound<'py, PyDict>>,
+    pub feature_halves: Option<&'a Bound<'py, PyDict>>,
+    pub aovs: Option<&'a Bound<'py, PyDict>>,
+    pub spp: Option<f32>,
+}
+
+impl<'py> Given<'_, 'py> {
+    /// The frame, and what was done to the arrays on the way.
+    pub fn frame(self) -> PyResult<(Frame, Vec<String>)> {
+        let mut frame = Frame::new(rgb("color", self.color)?).map_err(raised)?;
+        if let Some(variance) = self.variance {
+            frame = frame.with_variance_of_mean(rgb("variance", variance)?).map_err(raised)?;
+        }
+        if let Some((a, b)) = &self.halves {
+            frame = frame.with_halves([rgb("halves[0]", a)?, rgb("halves[1]", b)?]).map_err(raised)?;
+        }
+        let mut notes = Vec::new();
+        for (name, array) in self.all_features()? {
+            let mut feature = Feature::new(&name, kind(&name), planes(&name, &array)?);
+            if let Some(variance) = item(self.feature_variance, &name)? {
+                feature.var_of_mean = Some(planes(&format!("feature_variance['{name}']"), &variance)?);
+            }
+            if let Some(pair) = item(self.feature_halves, &name)? {
+                let wrong =
+                    |_| PyTypeError::new_err(format!("feature_halves['{name}'] is no pair of arrays"));
+                let (a, b): (Bound<PyAny>, Bound<PyAny>) = pair.extract().map_err(wrong)?;
+                let half = |array| planes(&format!("feature_halves['{name}']"), array);
+                feature.halves = Some([half(&a)?, half(&b)?]);
+            }
+            let bounded = feature.var_of_mean.as_ref().is_none_or(|v| v.len() == feature.planes.len());
+            if bounded {
+                notes.extend(bound_feature(&mut feature));
+            }
+            frame = frame.with_feature(feature).map_err(raised)?;
+        }
+        for (name, array) in self.aovs.into_iter().flatten() {
+            let name: String = name.extract()?;
+            let color = rgb(&format!("aovs['{name}']"), &array)?;
+            frame = frame.with_aov(Aov { name, color }).map_err(raised)?;
+        }
+        if let Some(spp) = self.spp {
+            frame = frame.with_spp(spp);
+        }
+        Ok((frame, notes))
+    }
+
+    /// The features by keyword, then those of the dictionary, in its order.
+    fn all_features(&self) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+        let by_keyword =
+            self.named.iter().filter_map(|(name, array)| Some(((*name).to_owned(), array.clone()?)));
+        let mut all: Vec<(String, Bound<PyAny>)> = by_keyword.collect();
+        for (name, array) in self.features.into_iter().flatten() {
+            let name: String = name.extract()?;
+            if all.iter().any(|(other, _)| *other == name) {
+                return Err(PyValueError::new_err(format!("the feature '{name}' is given twice")));
+            }
+            all.push((name, array));
+        }
+        for (what, given) in [("variance", self.feature_variance), ("halves", self.feature_halves)] {
+            for (name, _) in given.into_iter().flatten() {
+                let name: String = name.extract()?;
+                if all.iter().all(|(other, _)| *other != name) {
+                    return Err(PyValueError::new_err(format!(
+                        "feature_{what}['{name}'] belongs to no feature; give features['{name}'] too"
+                    )));
+                }
+            }
+        }
+        Ok(all)
+    }
+}
+
+fn item<'py>(of: Option<&Bound<'py, PyDict>>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+    of.map_or(Ok(None), |of| of.get_item(name))
+}
+
+/// What a feature describes, by its name less a number at its end (`albedo2`).
+fn kind(name: &str) -> FeatureKind {
+    match name.trim_end_matches(|c: char| c.is_ascii_digit()) {
+        "albedo" => FeatureKind::Albedo,
+        "normal" => FeatureKind::Normal,
+        "position" => FeatureKind::Position,
+        "depth" => FeatureKind::Depth,
+        "visibility" => FeatureKind::Visibility,
+        _ => FeatureKind::Other,
+    }
+}
+
+/// A result as a dictionary of arrays.
+pub fn result(py: Python<'_>, denoised: Denoised) -> PyResult<Bound<'_, PyDict>> {
+    let result = PyDict::new(py);
+    result.set_item("color", from_planes(py, denoised.color.into())?)?;
+    let aovs = PyDict::new(py);
+    for aov in denoised.aovs {
+        aovs.set_item(aov.name, from_planes(py, aov.color.into())?)?;
+    }
+    result.set_item("aovs", aovs)?;
+    result.set_item("mse", from_plane(py, denoised.mse)?)?;
+    result.set_item("order", from_plane(py, denoised.order)?)?;
+    result.set_item("summary", from_json(py, &denoised.summary)?)?;
+    Ok(result)
+}
+
+/// A frame as the keywords of `denoise`.
+pub fn keywords<'py>(py: Python<'py>, frame: &Frame) -> PyResult<Bound<'py, PyDict>> {
+    let all = PyDict::new(py);
+    let array = |planes: &[apr::image::Plane]| from_planes(py, planes.to_vec());
+    all.set_item("color", array(frame.color())?)?;
+    all.set_item("variance", frame.color_var_of_mean().map(|variance| array(variance)).transpose()?)?;
+    let halves = frame.halves().map(|[a, b]| PyTuple::new(py, [array(a)?, array(b)?])).transpose()?;
+    all.set_item("halves", halves)?;
+    let (features, variances, halves, aovs) =
+        (PyDict::new(py), PyDict::new(py), PyDict::new(py), PyDict::new(py));
+    for feature in frame.features() {
+        features.set_item(&feature.name, array(&feature.planes)?)?;
+        if let Some(variance) = &feature.var_of_mean {
+            variances.set_item(&feature.name, array(variance)?)?;
+        }
+        if let Some([a, b]) = &feature.halves {
+            halves.set_item(&feature.name, PyTuple::new(py, [array(a)?, array(b)?])?)?;
+        }
+    }
+    for aov in frame.aovs() {
+        aovs.set_item(&aov.name, array(&aov.color)?)?;
+    }
+    all.set_item("features", features)?;
+    all.set_item("feature_variance", variances)?;
+    all.set_item("feature_halves", halves)?;
+    all.set_item("aovs", aovs)?;
+    all.set_item("spp", frame.spp())?;
+    Ok(all)
+}
+
+/// Anything that can be serialised as Python's own types.
+pub fn from_json<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
+}
+
+/// Python's own types as JSON.
+pub fn to_json(value: &Bound<'_, PyAny>) -> PyResult<serde_json::Value> {
+    let text: String = value.py().import("json")?.call_method1("dumps", (value,))?.extract()?;
+    serde_json::from_str(&text).map_err(|error| PyValueError::new_err(error.to_string()))
+}

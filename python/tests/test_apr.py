@@ -1,0 +1,153 @@
+"""The binding gives the command line's bits, and says what is wrong with an array."""
+
+import json
+import os
+import pathlib
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import apr
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+CYCLES = ROOT / "fixtures/blender/room_seed1.exr"
+SECOND = ROOT / "fixtures/blender/room_seed2.exr"
+TRACED = ROOT / "fixtures/trace/teapot_specular.exr"
+PROGRAM = os.environ.get("APR_DENOISE")  # the command line; its tests are skipped without it
+
+
+def picture(height=20, width=27, seed=0):
+    random = np.random.default_rng(seed)
+    truth = np.linspace(0.2, 1.0, width, dtype=np.float32)[None, :, None] * np.ones((height, 1, 3), np.float32)
+    return truth + 0.1 * random.standard_normal(truth.shape).astype(np.float32), truth
+
+
+def same(a, b):
+    return a.dtype == b.dtype and a.shape == b.shape and np.array_equal(a, b, equal_nan=True)
+
+
+def by_program(folder, *arguments):
+    if not PROGRAM:
+        pytest.skip("APR_DENOISE does not name the command line")
+    output = folder / "program.exr"
+    subprocess.run([PROGRAM, *map(str, arguments[:1]), output, "--quiet", *map(str, arguments[1:])], check=True)
+    return output
+
+
+def test_noise_falls_and_the_result_has_its_parts():
+    noisy, truth = picture()
+    result = apr.denoise(noisy, variance=np.full_like(noisy, 0.01))
+    assert result["color"].shape == (20, 27, 3) and result["color"].dtype == np.float32
+    assert result["mse"].shape == (20, 27) and (result["mse"] >= 0).all()
+    assert np.square(result["color"] - truth).mean() < 0.2 * np.square(noisy - truth).mean()
+    assert result["summary"]["centres"] > 0
+
+
+@pytest.mark.parametrize("source", [TRACED, CYCLES])
+def test_arrays_give_the_command_lines_bits(tmp_path, source):
+    output = by_program(tmp_path, source)
+    keywords = apr.read_exr(source)
+    assert keywords["features"], "the fixture has features"
+    result = apr.denoise(**keywords)
+    if source == TRACED:  # 32-bit floats; Blender's file has halves and another layer for the result
+        assert same(result["color"], apr.read_exr(output)["color"])
+    apr.denoise_exr(source, tmp_path / "binding.exr")
+    assert (tmp_path / "binding.exr").read_bytes() == output.read_bytes()
+
+
+def test_light_groups_two_seeds_and_options_give_the_command_lines_bits(tmp_path):
+    output = by_program(tmp_path, CYCLES, "--half", SECOND, "--aov", "auto", "--aux",
+                        "--preset", "fast", "--set", "outliers.enabled=false")
+    report = apr.denoise_exr(CYCLES, tmp_path / "binding.exr", half=SECOND, aovs=["auto"], aux=True,
+                             preset="fast", options={"outliers.enabled": False}, threads=1)
+    assert (tmp_path / "binding.exr").read_bytes() == output.read_bytes()
+    assert report["sums"][0]["after"]["relative_rms"] < 5e-4
+
+
+def test_components_sum_to_the_beauty():
+    noisy, _ = picture()
+    part = noisy * np.random.default_rng(1).random(noisy.shape, np.float32)
+    result = apr.denoise(noisy, aovs={"diffuse": part, "rest": noisy - part})
+    total = result["aovs"]["diffuse"] + result["aovs"]["rest"]
+    assert np.abs(total - result["color"]).max() < 1e-5
+
+
+def test_any_layout_of_the_numbers_gives_the_same_bits():
+    noisy, _ = picture()
+    plain = apr.denoise(noisy)["color"]
+    padded = np.zeros((20, 27, 4), np.float32)
+    padded[..., :3] = noisy
+    untouched = noisy.copy()
+    for other in (np.asfortranarray(noisy), padded[..., :3], noisy.astype(np.float64), noisy[::-1][::-1]):
+        assert same(apr.denoise(other)["color"], plain)
+    assert same(apr.denoise(noisy, threads=1)["color"], apr.denoise(noisy, threads=3)["color"])
+    assert same(noisy, untouched)
+
+
+def test_a_miss_of_the_depth_is_bounded_as_in_files():
+    noisy, _ = picture()
+    depth = np.linspace(1, 2, 20 * 27, dtype=np.float32).reshape(20, 27)
+    bounded = depth.copy()
+    depth[3, 4], bounded[3, 4] = 1e10, depth.max()
+    result = apr.denoise(noisy, depth=depth)
+    assert same(result["color"], apr.denoise(noisy, depth=bounded)["color"])
+    assert any("misses" in note for note in result["summary"]["notes"])
+
+
+def test_files_are_written_and_read_back(tmp_path):
+    noisy, _ = picture()
+    path = tmp_path / "a b.exr"
+    apr.write_exr(path, noisy, layers={"albedo": noisy * 0.5, "depth": noisy[..., 0]}, spp=16, seed=3)
+    back = apr.read_exr(str(path), map={"depth": "depth"})
+    assert same(back["color"], noisy) and same(back["features"]["depth"], noisy[..., 0]) and back["spp"] == 16
+    layout = apr.inspect_exr(path, features={"red": "R"})
+    assert {"color", "albedo", "red"} <= {role["role"] for role in layout["roles"]}
+    json.dumps(layout)
+
+
+@pytest.mark.parametrize("error, words, call", [
+    (ValueError, r"\(20, 27, 4\).*alpha", lambda c: apr.denoise(np.concatenate([c, c[..., :1]], 2))),
+    (ValueError, r"\(20, 27\).*height, width, 3", lambda c: apr.denoise(c[..., 0])),
+    (ValueError, r"27×19.*27×20", lambda c: apr.denoise(c, variance=c[1:])),
+    (ValueError, r"depth.*\(20,\)", lambda c: apr.denoise(c, depth=np.zeros(20))),
+    (ValueError, "no feature", lambda c: apr.denoise(c, feature_variance={"albedo": c})),
+    (ValueError, "twice", lambda c: apr.denoise(c, albedo=c, features={"albedo": c})),
+    (ValueError, "balanced", lambda c: apr.denoise(c, preset="magic")),
+    (ValueError, "max_order", lambda c: apr.denoise(c, options={"magic": 1})),
+    (ValueError, "threads", lambda c: apr.denoise(c, threads=0)),
+    (ValueError, "pixel", lambda c: apr.denoise(c[:0])),
+    (TypeError, "complex", lambda c: apr.denoise(c * 1j)),
+    (TypeError, "str", lambda c: apr.denoise("render.exr")),
+    (TypeError, "pair", lambda c: apr.denoise(c, albedo=c, feature_halves={"albedo": 3})),
+    (TypeError, "sequences", lambda c: apr.read_exr(CYCLES, aovs="auto")),
+    (FileNotFoundError, "nowhere.exr", lambda c: apr.read_exr("nowhere.exr")),
+    (OSError, "Cargo.toml", lambda c: apr.read_exr(ROOT / "Cargo.toml")),
+    (OSError, "no folder", lambda c: apr.write_exr(ROOT / "no folder" / "a.exr", c)),
+    (ValueError, "profile", lambda c: apr.read_exr(CYCLES, profile="povray")),
+    (ValueError, "--inspect", lambda c: apr.read_exr(CYCLES, aovs=["Combined_moon"])),
+    (ValueError, "5 channels", lambda c: apr.write_exr("a.exr", c, layers={"x": np.zeros((20, 27, 5))})),
+])
+def test_errors_are_pythons_and_say_what_is_wrong(error, words, call):
+    with pytest.raises(error, match=words):
+        call(picture()[0])
+
+
+def test_other_threads_run_meanwhile():
+    noisy, _ = picture(120, 160)
+    ticks, done = [], threading.Event()
+
+    def tick():
+        while not done.is_set():
+            ticks.append(1)
+            done.wait(0.001)
+
+    ticker = threading.Thread(target=tick)
+    ticker.start()
+    before = len(ticks)
+    apr.denoise(noisy)
+    during = len(ticks) - before
+    done.set()
+    ticker.join()
+    assert during > 1, "the GIL was held"
