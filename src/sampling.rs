@@ -9,7 +9,7 @@
 //! sure of itself where they are wrong. Its geometric mean with the input's relative noise ranks pixels
 //! better: predicted error after 32 instead of 8 samples against uniform ones, geometric mean over
 //! the 13 shipped scenes at 160×120, 0.70 by the risk alone, 0.78 by the noise alone, 0.67 by both. A fixed
-//! share of it, [`CALIBRATION`], is within a factor of 2 of the true error (one standard deviation over
+//! share of it, `CALIBRATION`, is within a factor of 2 of the true error (one standard deviation over
 //! the scenes, at 8 and at 32 samples), where the risk is within a factor of 3.4 to 4.2.
 
 use crate::error::{Error, ErrorKind, Result};

@@ -90,6 +90,7 @@ impl<'a> Input<'a> {
 
     /// Puts `output` back into the frame's units. A value that left `f32`'s range on the way is the noisy
     /// one instead, which the notes tell.
+    #[expect(clippy::manual_clamp, reason = "NaN is to become 0")]
     pub fn finish(mut self, output: Output) -> Denoised {
         let (width, height) = self.size();
         let mut kept = 0;

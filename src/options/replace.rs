@@ -12,7 +12,7 @@ impl Options {
     /// # Errors
     /// `Usage` when there is no such option or `new` is of another type.
     pub fn with(self, key: &str, new: Value) -> Result<Self> {
-        replaced(&self, key, new, |value| serde_json::from_value(value))
+        replaced(&self, key, new, serde_json::from_value)
     }
 }
 

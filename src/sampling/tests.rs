@@ -92,7 +92,7 @@ fn a_density_is_one_on_the_average_and_a_converged_pictures_is_flat() {
     // An error e left by n samples wants √(e·n) in all: of 6 columns with 4 and 7 with 16 samples, in units
     // of their mean 136/13 and with as many again, 1.3 and 2.6.
     let counts = error(|x, _| if x < W / 2 { 4.0 } else { 16.0 });
-    let law = SamplingOptions { decay: 1.0, ..options.clone() };
+    let law = SamplingOptions { decay: 1.0, ..options };
     let known = density(&error(|_, _| 0.5), Some(&counts), None, &law).unwrap();
     assert!((known.get(0, 0) - (1.3 - 52.0 / 136.0)).abs() < 1e-5, "{}", known.get(0, 0));
     assert!((known.get(W - 1, 0) - (2.6 - 208.0 / 136.0)).abs() < 1e-5, "{}", known.get(W - 1, 0));
