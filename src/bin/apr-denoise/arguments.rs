@@ -21,6 +21,7 @@ use crate::plan::Job;
 /// shot.%04d.exr, shot.$F4.exr or shot.<frame4>.exr (in quotes, so that the shell leaves them alone).
 #[derive(Debug, Parser)]
 #[command(name = "apr-denoise", version, after_help = EXIT_CODES)]
+#[expect(rustdoc::invalid_html_tags, reason = "help for people, not for rustdoc")]
 pub struct Arguments {
     /// The render (EXR), or the renders of a sequence: 'shot.####.exr'.
     pub input: PathBuf,
