@@ -28,6 +28,16 @@ def same(a, b):
     return a.dtype == b.dtype and a.shape == b.shape and np.array_equal(a, b, equal_nan=True)
 
 
+def same_pictures(a, b):
+    # The program also writes down its settings, so that the files differ in an attribute.
+    a, b = (apr.read_exr(path, aovs=["auto"]) for path in (a, b))
+    def parts(p):
+        return {"color": p["color"], **(p.get("aovs") or {})}
+
+    a, b = parts(a), parts(b)
+    return a.keys() == b.keys() and all(same(a[name], b[name]) for name in a)
+
+
 def by_program(folder, *arguments):
     if not PROGRAM:
         pytest.skip("APR_DENOISE does not name the command line")
@@ -54,7 +64,7 @@ def test_arrays_give_the_command_lines_bits(tmp_path, source):
     if source == TRACED:  # 32-bit floats; Blender's file has halves and another layer for the result
         assert same(result["color"], apr.read_exr(output)["color"])
     apr.denoise_exr(source, tmp_path / "binding.exr")
-    assert (tmp_path / "binding.exr").read_bytes() == output.read_bytes()
+    assert same_pictures(tmp_path / "binding.exr", output)
 
 
 def test_light_groups_two_seeds_and_options_give_the_command_lines_bits(tmp_path):
@@ -62,7 +72,7 @@ def test_light_groups_two_seeds_and_options_give_the_command_lines_bits(tmp_path
                         "--preset", "fast", "--set", "outliers.enabled=false")
     report = apr.denoise_exr(CYCLES, tmp_path / "binding.exr", half=SECOND, aovs=["auto"], aux=True,
                              preset="fast", options={"outliers.enabled": False}, threads=1)
-    assert (tmp_path / "binding.exr").read_bytes() == output.read_bytes()
+    assert same_pictures(tmp_path / "binding.exr", output)
     assert report["sums"][0]["after"]["relative_rms"] < 5e-4
 
 
@@ -102,8 +112,8 @@ def test_files_are_written_and_read_back(tmp_path):
     apr.write_exr(path, noisy, layers={"albedo": noisy * 0.5, "depth": noisy[..., 0]}, spp=16, seed=3)
     back = apr.read_exr(str(path), map={"depth": "depth"})
     assert same(back["color"], noisy) and same(back["features"]["depth"], noisy[..., 0]) and back["spp"] == 16
-    layout = apr.inspect_exr(path, features={"red": "R"})
-    assert {"color", "albedo", "red"} <= {role["role"] for role in layout["roles"]}
+    layout = apr.inspect_exr(path)
+    assert {"color", "albedo", "depth"} <= {role["role"] for role in layout["roles"]}
     json.dumps(layout)
 
 
