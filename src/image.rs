@@ -26,6 +26,31 @@ impl Rect {
         (self.x..self.x + self.width).contains(&x) && (self.y..self.y + self.height).contains(&y)
     }
 
+    /// Its pixels as column and row, row by row.
+    pub fn pixels(self) -> impl Iterator<Item = (usize, usize)> {
+        (self.y..self.y + self.height).flat_map(move |y| (self.x..self.x + self.width).map(move |x| (x, y)))
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> (usize, usize) {
+        (self.width, self.height)
+    }
+
+    /// The same pixels in the coordinates of a picture that begins at `origin`, which lies above and left.
+    #[must_use]
+    pub fn seen_from(&self, origin: (usize, usize)) -> Self {
+        Self { x: self.x - origin.0, y: self.y - origin.1, ..*self }
+    }
+
+    /// The smallest rectangle that holds both.
+    #[must_use]
+    pub fn joined(&self, other: Self) -> Self {
+        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
+        let right = (self.x + self.width).max(other.x + other.width);
+        let bottom = (self.y + self.height).max(other.y + other.height);
+        Self { x, y, width: right - x, height: bottom - y }
+    }
+
     /// `by` pixels more on every side, clipped to a picture of `size`.
     #[must_use]
     pub fn grown(&self, by: usize, size: (usize, usize)) -> Self {
@@ -118,7 +143,17 @@ impl Plane {
 
     /// A copy of the part of the plane under `rect`, which must lie inside it.
     pub fn crop(&self, rect: Rect) -> Self {
-        Self::from_fn(rect.width, rect.height, |x, y| self.get(rect.x + x, rect.y + y))
+        let mut data = Vec::with_capacity(rect.width * rect.height);
+        for y in rect.y..rect.y + rect.height {
+            data.extend_from_slice(&self.row(y)[rect.x..rect.x + rect.width]);
+        }
+        Self { width: rect.width, height: rect.height, data }
+    }
+
+    /// The part under `rect`; no copy where that is the whole plane.
+    #[must_use]
+    pub fn into_part(self, rect: Rect) -> Self {
+        if rect == Rect::whole(self.size()) { self } else { self.crop(rect) }
     }
 }
 

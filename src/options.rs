@@ -200,6 +200,11 @@ impl Options {
         options
     }
 
+    /// The radius of the largest patches that a kernel compares.
+    pub fn largest_patch(&self) -> usize {
+        self.stages.iter().flatten().map(|kernel| kernel.patch_radius).max().unwrap_or(0)
+    }
+
     /// Checks every range.
     ///
     /// # Errors

@@ -1,10 +1,11 @@
 //! What every baseline starts from and ends in: the frame repaired and exposed, the result put back.
 
-use crate::denoise::exposure::{self, expose};
+use crate::denoise::Facts;
+use crate::denoise::exposure::expose;
 use crate::denoise::sanitize::{self, Clean};
 use crate::denoise::{expose as expose_all, prefilter, targets, variance};
 use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rect, Rgb};
 use crate::options::PrefilterOptions;
 
 /// Kinds of features that the regressions use: those of the pipeline's default.
@@ -14,6 +15,7 @@ const KINDS: [FeatureKind; 4] =
 /// A frame without NaN and infinity, at an exposure at which absolute constants are meant.
 pub struct Input<'a> {
     frame: &'a Frame,
+    facts: Facts,
     /// The repaired planes.
     pub clean: Clean,
     /// Variance of the mean of the colour: given, from the halves, or from the picture itself.
@@ -39,11 +41,13 @@ impl<'a> Input<'a> {
     /// Repairs and exposes `frame` for the method named `method`.
     pub fn new(frame: &'a Frame, method: &'static str) -> Self {
         let mut summary = Summary { method, ..Summary::default() };
-        let mut clean = sanitize::apply(frame, &mut summary);
+        let facts = Facts::of(frame);
+        let all = Rect::whole((frame.width(), frame.height()));
+        let mut clean = sanitize::apply(frame, facts.variance_is_known(), all, &mut summary);
         let mut variance = variance::of_mean(&clean, &mut summary);
-        let exposure = exposure::scale(&clean.color, targets(&clean));
+        let exposure = facts.exposure();
         expose_all(&mut clean, &mut variance, exposure);
-        Self { frame, clean, variance, exposure, summary }
+        Self { frame, facts, clean, variance, exposure, summary }
     }
 
     /// Width and height.
@@ -67,18 +71,19 @@ impl<'a> Input<'a> {
         targets(&self.clean).collect()
     }
 
-    /// The features of the kinds that a regression uses.
-    pub fn feature_list(&self) -> impl Iterator<Item = &Feature> {
-        self.clean.features.iter().filter(|feature| KINDS.contains(&feature.kind))
+    /// The features of the kinds that a regression uses, each with its number in the frame.
+    pub fn feature_list(&self) -> impl Iterator<Item = (usize, &Feature)> {
+        self.clean.features.iter().enumerate().filter(|(_, feature)| KINDS.contains(&feature.kind))
     }
 
     /// The feature planes for a regression, prefiltered, constant ones left out; their names go into the
     /// summary.
     pub fn features(&mut self, options: &PrefilterOptions) -> Vec<Plane> {
         let (mut planes, mut columns) = (vec![], vec![]);
-        for feature in self.feature_list() {
-            for (i, plane) in prefilter::apply(feature, options).into_iter().enumerate() {
-                if plane.data().iter().any(|v| *v != plane.data()[0]) {
+        for (f, feature) in self.feature_list() {
+            let noisy = self.facts.feature_is_noisy(f);
+            for (i, plane) in prefilter::apply(feature, noisy, options).into_iter().enumerate() {
+                if !self.facts.feature_is_constant(f, i) {
                     columns.push(format!("{}.{i}", feature.name));
                     planes.push(plane);
                 }

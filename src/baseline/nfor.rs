@@ -168,7 +168,7 @@ fn blend(a: &Plane, b: &Plane, share: &Plane) -> Plane {
 fn prefiltered(input: &mut Input<'_>) -> [Vec<Plane>; 2] {
     let mut halves = [vec![], vec![]];
     let mut columns = vec![];
-    for feature in input.feature_list() {
+    for (_, feature) in input.feature_list() {
         for i in 0..feature.planes.len() {
             let [a, b] = cross_filtered(feature, i);
             if a.data().iter().chain(b.data()).any(|v| *v != a.data()[0]) {

@@ -3,10 +3,12 @@
 mod basis;
 pub(crate) mod condition;
 pub(crate) mod exposure;
+pub(crate) mod facts;
 pub(crate) mod fit;
 pub(crate) mod gram;
 mod nlm;
 mod outlier;
+pub(crate) mod part;
 pub(crate) mod prefilter;
 mod reconstruct;
 mod restore;
@@ -19,12 +21,16 @@ pub(crate) mod window;
 
 use crate::error::Result;
 use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
-use crate::image::{Plane, Rgb, mean_of_channels};
+use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
 use basis::Basis;
+use reconstruct::Area;
 use sanitize::Clean;
 use solver::{Demodulation, Problem};
 use weights::Guide;
+
+pub use facts::Facts;
+pub use part::{Part, halo};
 
 /// Albedo beyond this is none: what is divided by it and multiplied by it again keeps its order.
 const LARGEST_ALBEDO: f32 = 100.0;
@@ -70,18 +76,36 @@ pub fn denoise(frame: &Frame, options: &Options) -> Result<Denoised> {
 /// # Errors
 /// When an option is out of its range.
 pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observer) -> Result<Denoised> {
+    let part = Part::whole((frame.width(), frame.height()));
+    denoise_part(frame, &part, &Facts::of(frame), options, observer)
+}
+
+/// Denoises the pixels `part.wanted` of a picture of which `facts` are known; `frame` holds the pixels
+/// `part.read`. They get the very bits that they have when the picture is denoised as a whole.
+///
+/// # Errors
+/// When an option is out of its range, or the frame is not of the part's size.
+pub fn denoise_part(
+    frame: &Frame,
+    part: &Part,
+    facts: &Facts,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Denoised> {
     options.check()?;
+    part.check(frame)?;
+    let (wanted, size) = (part.within(), part.read.size());
     let mut summary = Summary { method: "apr", ..Summary::default() };
 
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
-    let mut clean = sanitize::apply(frame, &mut summary);
-    let mut variance = variance::of_mean(&clean, &mut summary);
-    if variance.iter().flat_map(Plane::data).all(|&v| v == 0.0) {
-        summary.notes.push("nothing to do: the picture has no noise (its variance is 0 everywhere)".into());
-        return Ok(unchanged(frame, clean, summary));
+    let mut clean = sanitize::apply(frame, facts.variance_is_known(), wanted, &mut summary);
+    if !facts.has_noise() {
+        summary.notes.push("nothing to do: the picture has no noise".into());
+        return Ok(unchanged(frame, clean, wanted, summary));
     }
-    let exposure = exposure::scale(&clean.color, targets(&clean));
+    let mut variance = variance::of_mean(&clean, &mut summary);
+    let exposure = facts.exposure();
     expose(&mut clean, &mut variance, exposure);
 
     // Outliers go, their energy is kept (Moon et al. 2016).
@@ -94,20 +118,24 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
     let taken: Vec<Vec<f32>> =
         targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
-    summary.outliers = outliers.len();
-    summary.energy_moved =
-        std::array::from_fn(|c| taken[c].iter().map(|&e| f64::from(e)).sum::<f64>() / f64::from(exposure));
+    let counted = |(o, _): &(&outlier::Outlier, _)| wanted.contains(o.x, o.y);
+    summary.outliers = outliers.iter().zip(&taken[0]).filter(counted).count();
+    summary.energy_moved = std::array::from_fn(|c| {
+        let energy = outliers.iter().zip(&taken[c]).filter(counted).map(|(_, &e)| f64::from(e));
+        energy.sum::<f64>() / f64::from(exposure)
+    });
 
     observer.stage(Stage::Prefilter);
-    let (features, albedo) = design_features(&clean, options, &mut summary);
+    let (features, albedo) = design_features(&clean, facts, options, &mut summary);
     let smoothed: Rgb = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
 
     // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
     let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
     let basis = Basis::new(options.window_radius, features.len(), options.max_order);
-    let area = reconstruct::Area::whole((frame.width(), frame.height()));
+    let areas =
+        areas(part, outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size), options);
     let mut stage: Option<reconstruct::Stage> = None;
-    for (n, kernels) in options.stages.iter().enumerate() {
+    for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
         observer.stage(Stage::Fit(n + 1));
         let last = n + 1 == options.stages.len();
         let pilot = stage.as_ref().map(reconstruct::Stage::color);
@@ -145,7 +173,21 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
     // A factor out of range makes 0·∞, which is no number: min takes the other.
     result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
-    Ok(assemble(frame, result, summary))
+    Ok(assemble(frame, result, wanted, summary))
+}
+
+/// Where each stage works so that what is restored is right on `restored`.
+fn areas(part: &Part, restored: Rect, options: &Options) -> Vec<Area> {
+    let (size, counted, origin) = (part.read.size(), part.within(), part.origin());
+    let mut wanted = if options.restore { restored.grown(restore::REACH, size) } else { restored };
+    let mut areas = Vec::with_capacity(options.stages.len());
+    for _ in &options.stages {
+        let area = Area { origin, wanted, counted };
+        wanted = area.reads(size, options.window_radius);
+        areas.push(area);
+    }
+    areas.reverse();
+    areas
 }
 
 /// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
@@ -170,8 +212,9 @@ struct Guides {
 
 impl Guides {
     fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
-        let patch = options.stages.iter().flatten().map(|kernel| kernel.patch_radius).max().unwrap_or(0);
-        let guide = |color: &Rgb, variance: &Rgb| Guide::new(color, variance, options.window_radius, patch);
+        let guide = |color: &Rgb, variance: &Rgb| {
+            Guide::new(color, variance, options.window_radius, options.largest_patch())
+        };
         let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
         let irradiance = albedo.filter(|_| wanted).map(|albedo| {
             let over = |a: &Plane, b: &Plane| {
@@ -187,11 +230,17 @@ impl Guides {
 
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
 /// floor added, that demodulated kernels divide by.
-fn design_features(clean: &Clean, options: &Options, summary: &mut Summary) -> (Vec<Plane>, Option<Rgb>) {
+fn design_features(
+    clean: &Clean,
+    facts: &Facts,
+    options: &Options,
+    summary: &mut Summary,
+) -> (Vec<Plane>, Option<Rgb>) {
     let mut planes = vec![];
     let mut albedo = None;
-    for feature in clean.features.iter().filter(|f| options.features.contains(&f.kind)) {
-        let filtered = prefilter::apply(feature, &options.prefilter);
+    let features = clean.features.iter().enumerate();
+    for (f, feature) in features.filter(|(_, feature)| options.features.contains(&feature.kind)) {
+        let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
         if let (FeatureKind::Albedo, [r, g, b]) = (feature.kind, &filtered[..]) {
             let floored = |plane: &Plane| {
                 Plane::from_fn(plane.width(), plane.height(), |x, y| {
@@ -202,7 +251,7 @@ fn design_features(clean: &Clean, options: &Options, summary: &mut Summary) -> (
         }
         for (i, plane) in filtered.into_iter().enumerate() {
             let name = format!("{}.{i}", feature.name);
-            if plane.data().iter().all(|v| *v == plane.data()[0]) {
+            if facts.feature_is_constant(f, i) {
                 summary.notes.push(format!("feature {name}: left out, it is constant"));
             } else {
                 summary.columns.push(name);
@@ -230,24 +279,26 @@ pub(crate) fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
     variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
 }
 
-fn unchanged(frame: &Frame, clean: Clean, summary: Summary) -> Denoised {
-    let (width, height) = (frame.width(), frame.height());
+fn unchanged(frame: &Frame, clean: Clean, wanted: Rect, summary: Summary) -> Denoised {
+    let none = || Plane::filled(wanted.width, wanted.height, 0.0);
+    let cut = |color: Rgb| color.map(|plane| plane.into_part(wanted));
     let names = frame.aovs().iter().map(|aov| aov.name.clone());
     Denoised {
-        color: clean.color,
-        aovs: names.zip(clean.aovs).map(|(name, color)| Aov { name, color }).collect(),
-        mse: Plane::filled(width, height, 0.0),
-        order: Plane::filled(width, height, 0.0),
+        color: cut(clean.color),
+        aovs: names.zip(clean.aovs).map(|(name, color)| Aov { name, color: cut(color) }).collect(),
+        mse: none(),
+        order: none(),
         sampling_priority: None,
         summary,
     }
 }
 
-fn assemble(frame: &Frame, result: reconstruct::Stage, summary: Summary) -> Denoised {
-    let mut planes = result.targets.into_iter();
+fn assemble(frame: &Frame, result: reconstruct::Stage, wanted: Rect, summary: Summary) -> Denoised {
+    let mut planes = result.targets.into_iter().map(|plane| plane.into_part(wanted));
     let mut next =
         || -> Rgb { std::array::from_fn(|_| planes.next().expect("three planes for every picture")) };
     let color = next();
     let aovs = frame.aovs().iter().map(|aov| Aov { name: aov.name.clone(), color: next() }).collect();
-    Denoised { color, aovs, mse: result.mse, order: result.order, sampling_priority: None, summary }
+    let [mse, order] = [result.mse, result.order].map(|plane| plane.into_part(wanted));
+    Denoised { color, aovs, mse, order, sampling_priority: None, summary }
 }

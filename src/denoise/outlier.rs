@@ -9,7 +9,7 @@
 //! sample saw is flattened: fine foliage at 256 spp went from relMSE 0.0024, the input's, to 0.0070. With half buffers, half their difference is a second
 //! witness of the pixel's own deviation: a firefly sits in one half only.
 
-use crate::image::{Plane, Rgb, mean_of_channels};
+use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::OutlierOptions;
 use rayon::prelude::*;
 
@@ -119,6 +119,14 @@ pub fn give_back(plane: &mut Plane, beauty: &Plane, outliers: &[Outlier], taken:
             }
         }
     }
+}
+
+/// The pixels whose light decides what `wanted` is given back, in a picture of `size`.
+pub fn witnesses(outliers: &[Outlier], wanted: Rect, radius: usize, size: (usize, usize)) -> Rect {
+    let giving = wanted.grown(radius, size);
+    let near = outliers.iter().filter(|o| giving.contains(o.x, o.y));
+    near.map(|o| Rect { x: o.x, y: o.y, width: 1, height: 1 }.grown(radius, size))
+        .fold(wanted, |all, window| all.joined(window))
 }
 
 #[cfg(test)]

@@ -11,8 +11,12 @@ use crate::frame::Feature;
 use crate::image::Plane;
 use crate::options::PrefilterOptions;
 
-/// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are.
-pub fn apply(feature: &Feature, options: &PrefilterOptions) -> Vec<Plane> {
+/// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are; `noisy`
+/// tells whether it says so of any pixel of the whole picture.
+pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<Plane> {
+    if !options.enabled || !noisy {
+        return feature.planes.clone();
+    }
     let variances = match (&feature.var_of_mean, &feature.halves) {
         (Some(given), _) => given.clone(),
         (None, Some([a, b])) => {
@@ -20,9 +24,6 @@ pub fn apply(feature: &Feature, options: &PrefilterOptions) -> Vec<Plane> {
         }
         (None, None) => return feature.planes.clone(),
     };
-    if !options.enabled || variances.iter().flat_map(Plane::data).all(|&v| v == 0.0) {
-        return feature.planes.clone();
-    }
     let guide = Guide::new(&feature.planes, &variances, options.window_radius, options.patch_radius);
     let planes: Vec<&Plane> = feature.planes.iter().collect();
     nlm::filter(&guide, &planes, options.window_radius, options.patch_radius, options.bandwidth)

@@ -87,11 +87,16 @@ pub struct Area {
     pub counted: Rect,
 }
 
+/// How far around the wanted pixels a stage reads, patches aside: fits that reach them, those that the
+/// coverage test sees with them, and their windows.
+pub const fn reach(window_radius: usize) -> usize {
+    3 * window_radius + TILE - 1
+}
+
 impl Area {
-    /// All of a picture.
-    pub fn whole(size: (usize, usize)) -> Self {
-        let rect = Rect::whole(size);
-        Self { origin: (0, 0), wanted: rect, counted: rect }
+    /// The pixels that are read, patches aside, of planes of `size`: where the stage before must be right.
+    pub fn reads(&self, size: (usize, usize), window_radius: usize) -> Rect {
+        tested(self.wanted, self.origin, size, window_radius).grown(2 * window_radius, size)
     }
 }
 

@@ -22,11 +22,17 @@ const DETAIL_RADIUS: usize = 2;
 /// Gaussian noise is √(2/25) = 0.28; two of them, and heavier tails, are let pass.
 const DETAIL_MARGIN: f32 = 2.0;
 
+/// Radius over which the shares are averaged.
+const SHARE_RADIUS: usize = 1;
+
 /// Radius of the neighbourhood over which the residual's mean is taken for light.
 const LIGHT_RADIUS: usize = 4;
 
 /// Squared number of deviations that a mean residual must stand out of its noise.
 const LIGHT_MARGIN: f32 = 9.0;
+
+/// How far around a pixel both look: the means of detail, of its shares, and of light.
+pub const REACH: usize = DETAIL_RADIUS + SHARE_RADIUS + LIGHT_RADIUS;
 
 /// Light is at most doubled and at most halved.
 const LIGHT_RANGE: (f32, f32) = (0.5, 2.0);
@@ -48,7 +54,7 @@ pub fn detail_shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane
         let (s, n) = (residual.get(x, y), noise.get(x, y));
         if s > 0.0 { (1.0 - DETAIL_MARGIN * n / s).max(0.0) } else { 0.0 }
     });
-    smooth(&shares, 1)
+    smooth(&shares, SHARE_RADIUS)
 }
 
 /// plane ← plane + share · (noisy − plane).

@@ -6,7 +6,10 @@
 //! the mean.
 
 use crate::frame::{Feature, Frame, Summary};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rect, Rgb};
+
+/// Pixels up to this far from a good one are repaired from what is good.
+pub const REACH: usize = 16;
 
 /// Radiance beyond this is a defect: its square would leave `f32` whatever the exposure.
 const LARGEST_RADIANCE: f32 = 1e32;
@@ -32,8 +35,24 @@ pub struct Clean {
     pub features: Vec<Feature>,
 }
 
-/// Repairs `frame` and counts in `summary` what was repaired.
-pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
+/// Whether a radiance is a number that the method can take.
+pub fn good_radiance(value: f32) -> bool {
+    value.abs() <= LARGEST_RADIANCE // false for NaN
+}
+
+/// Whether a variance of the colour's mean is one.
+pub fn good_variance(value: f32) -> bool {
+    (0.0..=LARGEST_VARIANCE).contains(&value)
+}
+
+/// A feature's value in the range that the method can take; NaN stays.
+pub fn limited_feature(value: f32) -> f32 {
+    value.clamp(-LARGEST_FEATURE, LARGEST_FEATURE)
+}
+
+/// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. The
+/// variance is left out unless it is a number somewhere in the whole picture (`variance_is_known`).
+pub fn apply(frame: &Frame, variance_is_known: bool, counted: Rect, summary: &mut Summary) -> Clean {
     let mut clean = Clean {
         color: frame.color().clone(),
         variance: frame.color_var_of_mean().cloned(),
@@ -41,20 +60,18 @@ pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
         aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
         features: frame.features().to_vec(),
     };
-    let good = |value: f32| value.abs() <= LARGEST_RADIANCE; // false for NaN
     let mut radiance: Vec<&mut Plane> =
         clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten()).collect();
     if let Some(halves) = &mut clean.halves {
         radiance.extend(halves.iter_mut().flatten());
     }
-    summary.repaired_color = repair(&mut radiance, good);
-    summary.negative_color = (0..clean.color[0].data().len())
-        .filter(|&i| clean.color.iter().any(|plane| plane.data()[i] < 0.0))
-        .count();
+    summary.repaired_color = repair(&mut radiance, counted, good_radiance);
+    summary.negative_color =
+        counted.pixels().filter(|&(x, y)| clean.color.iter().any(|plane| plane.get(x, y) < 0.0)).count();
     if let Some(variance) = &mut clean.variance {
         let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
-        summary.repaired_variance = repair(&mut planes, |v| (0.0..=LARGEST_VARIANCE).contains(&v));
-        if summary.repaired_variance == frame.width() * frame.height() {
+        summary.repaired_variance = repair(&mut planes, counted, good_variance);
+        if !variance_is_known {
             // Black would say that there is no noise.
             summary.notes.push("variance: left out, it is a number at no pixel".into());
             clean.variance = None;
@@ -63,36 +80,38 @@ pub fn apply(frame: &Frame, summary: &mut Summary) -> Clean {
     for feature in &mut clean.features {
         // Limited first: what is far to both sides has no mean.
         let mut planes: Vec<&mut Plane> = feature.planes.iter_mut().collect();
-        planes.iter_mut().for_each(|plane| limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE));
-        summary.repaired_features += repair(&mut planes, |v| !v.is_nan());
+        planes.iter_mut().for_each(|plane| change(plane, limited_feature));
+        summary.repaired_features += repair(&mut planes, counted, |v| !v.is_nan());
         for plane in feature.halves.iter_mut().flatten().flatten() {
-            limit(plane, -LARGEST_FEATURE, LARGEST_FEATURE);
-            repair(&mut [plane], |v| !v.is_nan());
+            change(plane, limited_feature);
+            repair(&mut [plane], counted, |v| !v.is_nan());
         }
         if let Some(variance) = &mut feature.var_of_mean {
             let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
-            planes.iter_mut().for_each(|plane| limit(plane, f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE));
-            summary.repaired_variance += repair(&mut planes, |v| v >= 0.0);
+            planes
+                .iter_mut()
+                .for_each(|plane| change(plane, |v| v.clamp(f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE)));
+            summary.repaired_variance += repair(&mut planes, counted, |v| v >= 0.0);
         }
     }
     clean
 }
 
-fn limit(plane: &mut Plane, low: f32, high: f32) {
-    plane.data_mut().iter_mut().for_each(|v| *v = v.clamp(low, high));
+fn change(plane: &mut Plane, f: impl Fn(f32) -> f32) {
+    plane.data_mut().iter_mut().for_each(|v| *v = f(*v));
 }
 
 /// Replaces, in all `planes`, the pixels at which any of them is not `good` by the mean of their good
-/// neighbours, layer by layer from the rim; 0 where the picture has no good pixel. Returns the number
-/// of pixels repaired.
-fn repair(planes: &mut [&mut Plane], good: impl Fn(f32) -> bool) -> usize {
+/// neighbours, layer by layer from the rim; 0 where no good pixel is within [`REACH`]. Returns the number
+/// of pixels of `counted` repaired.
+fn repair(planes: &mut [&mut Plane], counted: Rect, good: impl Fn(f32) -> bool) -> usize {
     let Some((width, height)) = planes.first().map(|plane| plane.size()) else { return 0 };
     let mut bad: Vec<bool> =
         (0..width * height).map(|i| planes.iter().any(|plane| !good(plane.data()[i]))).collect();
-    let count = bad.iter().filter(|&&b| b).count();
-    if count == 0 {
+    if !bad.contains(&true) {
         return 0;
     }
+    let count = counted.pixels().filter(|&(x, y)| bad[y * width + x]).count();
     let neighbours = |i: usize| {
         let (x, y) = (i % width, i / width);
         let rows = y.saturating_sub(1)..(y + 2).min(height);
@@ -100,8 +119,7 @@ fn repair(planes: &mut [&mut Plane], good: impl Fn(f32) -> bool) -> usize {
     };
     let mut frontier: Vec<usize> =
         (0..bad.len()).filter(|&i| bad[i] && neighbours(i).any(|n| !bad[n])).collect();
-    let mut left = count;
-    while !frontier.is_empty() {
+    for _ in 0..REACH {
         for plane in planes.iter_mut() {
             let values: Vec<f32> = frontier
                 .iter()
@@ -118,17 +136,14 @@ fn repair(planes: &mut [&mut Plane], good: impl Fn(f32) -> bool) -> usize {
                 plane.data_mut()[i] = value;
             }
         }
-        left -= frontier.len();
         frontier.iter().for_each(|&i| bad[i] = false);
         let mut next: Vec<usize> = frontier.iter().flat_map(|&i| neighbours(i)).filter(|&n| bad[n]).collect();
         next.sort_unstable();
         next.dedup();
         frontier = next;
     }
-    if left > 0 {
-        for plane in planes {
-            plane.data_mut().fill(0.0);
-        }
+    for plane in planes {
+        plane.data_mut().iter_mut().zip(&bad).filter(|(_, bad)| **bad).for_each(|(v, _)| *v = 0.0);
     }
     count
 }
@@ -144,14 +159,25 @@ mod tests {
             plane.data_mut()[y * 9 + x] = f32::NAN;
         }
         plane.data_mut()[1] = f32::INFINITY;
-        assert_eq!(repair(&mut [&mut plane], f32::is_finite), 11);
+        assert_eq!(repair(&mut [&mut plane], Rect::whole((9, 7)), f32::is_finite), 11);
         assert!(plane.data().iter().all(|&v| v == 2.0));
+    }
+
+    #[test]
+    fn a_block_is_repaired_as_far_as_its_rim_reaches() {
+        let (width, height) = (2 * REACH + 4, 3);
+        let mut plane =
+            Plane::from_fn(width, height, |x, _| if x > 0 && x < width - 1 { f32::NAN } else { 5.0 });
+        let half = Rect { x: 0, y: 0, width: width / 2, height };
+        assert_eq!(repair(&mut [&mut plane], half, f32::is_finite), 3 * (REACH + 1));
+        let expected = |x: usize| if x.min(width - 1 - x) > REACH { 0.0 } else { 5.0 };
+        assert_eq!(plane, Plane::from_fn(width, height, |x, _| expected(x)));
     }
 
     #[test]
     fn a_channel_without_a_good_pixel_becomes_black() {
         let mut plane = Plane::filled(3, 2, f32::NAN);
-        assert_eq!(repair(&mut [&mut plane], f32::is_finite), 6);
+        assert_eq!(repair(&mut [&mut plane], Rect::whole((3, 2)), f32::is_finite), 6);
         assert_eq!(plane.data(), &[0.0; 6]);
     }
 
@@ -162,7 +188,7 @@ mod tests {
         variance[1].data_mut().fill(f32::NAN);
         let frame = Frame::new(grey()).and_then(|frame| frame.with_variance_of_mean(variance)).unwrap();
         let mut summary = Summary::default();
-        assert_eq!(apply(&frame, &mut summary).variance, None);
+        assert_eq!(apply(&frame, false, Rect::whole((3, 2)), &mut summary).variance, None);
         assert_eq!((summary.repaired_variance, summary.notes.len()), (6, 1));
     }
 
@@ -172,7 +198,7 @@ mod tests {
         let plane = Plane::from_vec(3, 1, vec![f32::INFINITY, f32::NAN, f32::NEG_INFINITY]).unwrap();
         let depth = Feature::new("depth", crate::FeatureKind::Depth, vec![plane]);
         let frame = Frame::new(grey()).and_then(|frame| frame.with_feature(depth)).unwrap();
-        let clean = apply(&frame, &mut Summary::default());
+        let clean = apply(&frame, false, Rect::whole((3, 1)), &mut Summary::default());
         assert_eq!(clean.features[0].planes[0].data(), &[LARGEST_FEATURE, 0.0, -LARGEST_FEATURE]);
     }
 
@@ -181,7 +207,7 @@ mod tests {
         let mut red = Plane::from_fn(3, 1, |x, _| x as f32);
         let mut green = Plane::from_fn(3, 1, |x, _| 10.0 * x as f32);
         green.data_mut()[1] = f32::NEG_INFINITY;
-        assert_eq!(repair(&mut [&mut red, &mut green], f32::is_finite), 1);
+        assert_eq!(repair(&mut [&mut red, &mut green], Rect::whole((3, 1)), f32::is_finite), 1);
         assert_eq!((red.data()[1], green.data()[1]), (1.0, 10.0));
     }
 }

@@ -7,6 +7,9 @@ use crate::image::{Plane, Rgb};
 /// Radius over which single-pixel estimates (one degree of freedom each) are averaged.
 const ESTIMATE_RADIUS: usize = 3;
 
+/// How far around a pixel an estimate looks: the mean's radius and that of the high-pass.
+pub const REACH: usize = ESTIMATE_RADIUS + 1;
+
 /// The variance of the mean of `clean`'s colour, with a note in `summary` on how it was had.
 pub fn of_mean(clean: &Clean, summary: &mut Summary) -> Rgb {
     if let Some(variance) = &clean.variance {
@@ -24,10 +27,13 @@ pub fn of_mean(clean: &Clean, summary: &mut Summary) -> Rgb {
 
 /// ((A − B)/2)²: unbiased for the variance of (A + B)/2, with one degree of freedom.
 pub fn from_halves(a: &Plane, b: &Plane) -> Plane {
-    Plane::from_fn(a.width(), a.height(), |x, y| {
-        let half = 0.5 * (a.get(x, y) - b.get(x, y));
-        half * half
-    })
+    Plane::from_fn(a.width(), a.height(), |x, y| half_difference_squared(a.get(x, y), b.get(x, y)))
+}
+
+/// ((a − b)/2)².
+pub fn half_difference_squared(a: f32, b: f32) -> f32 {
+    let half = 0.5 * (a - b);
+    half * half
 }
 
 /// Noise from a high-pass: the stencil [1 −2 1; −2 4 −2; 1 −2 1]/6 leaves white noise its variance and

@@ -1,0 +1,77 @@
+//! A part of a picture, and how far around it the stages look.
+//!
+//! Every stage looks a bounded distance around a pixel, whatever the picture shows. From the result back to
+//! the file, with the window radius w, the patch radius p, tiles of side T and S stages:
+//!
+//! | what | looks | why |
+//! |---|---|---|
+//! | outliers' energy | 2g | an outlier within g gives, by shares of its window, g around it |
+//! | restored detail and light | 2 + 1 + 4 | three means, one of the other |
+//! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
+//! | weights | p | patches |
+//! | features | search + patch + 1 | their filter, over variances that are smoothed |
+//! | variance | smoothing + 4 + outliers' radius | estimated over 9×9 pixels at most, outliers replaced |
+//! | repair | 16 | from the rim of what is broken |
+//!
+//! The first part of this file is that sum, [`halo`]; a frame that holds so much around its part gives the
+//! part's pixels the very bits that they have in the whole picture.
+
+use super::{reconstruct, restore, sanitize, variance};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::Frame;
+use crate::image::Rect;
+use crate::options::Options;
+
+/// How many pixels around a part must be known.
+pub fn halo(options: &Options) -> usize {
+    let Options { outliers, prefilter, .. } = options;
+    let energy = if outliers.enabled { 2 * outliers.energy_radius } else { 0 };
+    let restored = if options.restore { restore::REACH } else { 0 };
+    let fits = options.stages.len() * reconstruct::reach(options.window_radius);
+    let patch = options.largest_patch();
+    let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
+    let witnesses = if outliers.enabled { outliers.radius } else { 0 };
+    let noise = options.variance_radius + witnesses + variance::REACH;
+    energy + restored + fits + patch + feature.max(noise) + sanitize::REACH
+}
+
+/// A part of a picture that is denoised alone, and what must be read for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// The pixels to denoise, in the picture's coordinates.
+    pub wanted: Rect,
+    /// The pixels that the frame holds: those and the halo around them.
+    pub read: Rect,
+}
+
+impl Part {
+    /// All of a picture.
+    pub fn whole(size: (usize, usize)) -> Self {
+        Self { wanted: Rect::whole(size), read: Rect::whole(size) }
+    }
+
+    /// The part `wanted` of a picture of `size`, which must lie inside it.
+    pub fn new(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
+        Self { wanted, read: wanted.grown(halo(options), size) }
+    }
+
+    /// The column and row of the frame's first pixel.
+    pub fn origin(&self) -> (usize, usize) {
+        (self.read.x, self.read.y)
+    }
+
+    /// The pixels to denoise in the frame's own coordinates.
+    pub fn within(&self) -> Rect {
+        self.wanted.seen_from(self.origin())
+    }
+
+    pub(super) fn check(&self, frame: &Frame) -> Result<()> {
+        let (got, expected) = ((frame.width(), frame.height()), self.read.size());
+        if got == expected {
+            return Ok(());
+        }
+        let what =
+            format!("the frame is {}×{} where its part is {}×{}", got.0, got.1, expected.0, expected.1);
+        Err(Error::new(ErrorKind::Usage, what).remedy("read the pixels that the part names"))
+    }
+}
