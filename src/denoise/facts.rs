@@ -202,7 +202,8 @@ mod tests {
         let depth = Plane::from_fn(SIZE.0, SIZE.1, |_, y| if y == 6 { 2.0 } else { 1.0 });
         let part = |y: usize, height: usize| {
             let rgb = |planes: &Rgb| rows(planes, y, height).try_into().unwrap();
-            let mut depth = Feature::new("depth", FeatureKind::Depth, rows(&[depth.clone()], y, height));
+            let mut depth =
+                Feature::new("depth", FeatureKind::Depth, rows(std::slice::from_ref(&depth), y, height));
             depth.var_of_mean = Some(vec![Plane::filled(SIZE.0, height, 0.0)]);
             let frame = Frame::new(rgb(&color)).and_then(|f| f.with_variance_of_mean(rgb(&variance)));
             frame.and_then(|f| f.with_feature(depth)).unwrap()
