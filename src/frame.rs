@@ -58,6 +58,16 @@ pub struct Aov {
     pub color: Rgb,
 }
 
+/// Where what each pixel shows is in the neighbouring frames of a sequence: columns to the right and rows
+/// down from the pixel, in pixels, a mean over its samples. NaN where it is not known.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Motion {
+    /// To its place in the frame before.
+    pub previous: Option<[Plane; 2]>,
+    /// To its place in the next frame.
+    pub next: Option<[Plane; 2]>,
+}
+
 /// A noisy picture with everything known about it. Built from the colour by [`Frame::new`] and the
 /// `with_…` methods, each of which checks sizes, so that the stages need not.
 #[derive(Debug, Clone, PartialEq)]
@@ -67,6 +77,7 @@ pub struct Frame {
     halves: Option<[Rgb; 2]>,
     features: Vec<Feature>,
     aovs: Vec<Aov>,
+    motion: Option<Motion>,
     spp: Option<f32>,
 }
 
@@ -76,8 +87,15 @@ impl Frame {
     /// # Errors
     /// When the three planes differ in size or have no pixel.
     pub fn new(color: Rgb) -> Result<Self> {
-        let frame =
-            Self { color, color_var_of_mean: None, halves: None, features: vec![], aovs: vec![], spp: None };
+        let frame = Self {
+            color,
+            color_var_of_mean: None,
+            halves: None,
+            features: vec![],
+            aovs: vec![],
+            motion: None,
+            spp: None,
+        };
         if frame.width() == 0 || frame.height() == 0 {
             return Err(Error::new(ErrorKind::Lacking, "the picture has no pixel"));
         }
@@ -147,6 +165,18 @@ impl Frame {
         Ok(self)
     }
 
+    /// Adds the motion towards the frames beside this one.
+    ///
+    /// # Errors
+    /// When a plane differs from the colour in size.
+    pub fn with_motion(mut self, motion: Motion) -> Result<Self> {
+        for planes in motion.previous.iter().chain(&motion.next) {
+            self.check("motion", planes)?;
+        }
+        self.motion = Some(motion);
+        Ok(self)
+    }
+
     /// States the samples per pixel.
     #[must_use]
     pub fn with_spp(mut self, spp: f32) -> Self {
@@ -187,6 +217,11 @@ impl Frame {
     /// The pictures that go through the beauty's operator.
     pub fn aovs(&self) -> &[Aov] {
         &self.aovs
+    }
+
+    /// The motion towards the frames beside this one, where known.
+    pub fn motion(&self) -> Option<&Motion> {
+        self.motion.as_ref()
     }
 
     /// Samples per pixel, where known.

@@ -55,5 +55,5 @@ pub mod trace;
 
 pub use denoise::denoise;
 pub use error::{Error, ErrorKind, Result};
-pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
+pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Motion, Summary};
 pub use options::Options;

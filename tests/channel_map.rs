@@ -568,3 +568,41 @@ fn two_blender_renders_make_up_for_the_variance_that_cycles_lacks() {
     assert!(both.frame().halves().is_some());
     assert!(both.layout().warnings.is_empty(), "{:?}", both.layout().warnings);
 }
+
+#[test]
+fn motion_vectors_of_every_convention_point_right_and_down_from_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let wanted = ReadOptions { motion: true, ..ReadOptions::default() };
+    // Blender 4.5 wrote (−3, −1, −5, −2) for an object that comes 3 columns to the right and 1 row up,
+    // then goes 5 to the right and 2 up.
+    let at = |name, value: f32| float(name, vec![value; SIZE.0 * SIZE.1]);
+    let mut cycles = channels(SIZE, &["View.Combined.R", "View.Combined.G", "View.Combined.B"]);
+    let vector =
+        [("View.Vector.X", -3.0), ("View.Vector.Y", -1.0), ("View.Vector.Z", -5.0), ("View.Vector.W", -2.0)];
+    cycles.extend(vector.map(|(name, value)| at(name, value)));
+    let path = folder.path().join("cycles.exr");
+    write_one(&path, layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), cycles));
+    let picture = Picture::read(&path, &wanted).unwrap();
+    let motion = picture.frame().motion().unwrap();
+    let first =
+        |planes: &Option<[apr::image::Plane; 2]>| planes.as_ref().unwrap().each_ref().map(|p| p.get(0, 0));
+    assert_eq!((first(&motion.previous), first(&motion.next)), ([-3.0, 1.0], [5.0, -2.0]));
+    assert!(roles(&picture).contains(&"motionCycles mean: View.Vector.X".to_owned()));
+    assert_eq!(Picture::read(&path, &ReadOptions::default()).unwrap().frame().motion(), None);
+
+    let names = ["R", "G", "B", "flow.R", "flow.G", "flow.B"];
+    let mapped = |mapping: &str| {
+        let file = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names));
+        write_one(&path, file);
+        let map = vec![mapping.parse().unwrap()];
+        Picture::read(&path, &ReadOptions { map, motion: true, ..ReadOptions::default() })
+    };
+    let picture = mapped("motionNext=flow.R,flow.G").unwrap();
+    let motion = picture.frame().motion().unwrap();
+    assert_eq!(
+        (motion.previous.is_none(), motion.next.as_ref().unwrap()[1].data()[0]),
+        (true, values(1, 4)[0])
+    );
+    let error = mapped("motionPrevious=flow").unwrap_err().to_string();
+    assert!(error.contains("3 channels where 2 were expected"), "{error}");
+}

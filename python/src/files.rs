@@ -43,6 +43,7 @@ impl Reading {
             half: self.half,
             with: self.further,
             aovs: self.aovs,
+            motion: false,
         })
     }
 }

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use super::bounds;
-use super::channels::{Role, Statistic, VarianceKind};
+use super::channels::{Flow, Role, Statistic, VarianceKind};
 use super::layers::Channel;
 use super::mapping::Target;
 use super::roles::Choice;
 use super::variance::{Samples, to_variance_of_mean};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Aov, Feature, Frame};
+use crate::frame::{Aov, Feature, Frame, Motion};
 use crate::image::{Plane, Rgb};
 
 /// The planes that were read, handed out without a copy where possible.
@@ -116,10 +116,44 @@ pub(super) fn assemble(
         let color = rgb(planes.take(choice))?;
         frame = frame.with_aov(Aov { name: choice.target.feature.clone(), color })?;
     }
+    if let Some(motion) = motion(choices, &mut planes)? {
+        frame = frame.with_motion(motion)?;
+    }
     Ok(match samples.mean() {
         Some(spp) => frame.with_spp(spp),
         None => frame,
     })
+}
+
+/// The motion vectors, all to the right and down from here.
+fn motion(choices: &[Choice], planes: &mut Planes) -> Result<Option<Motion>> {
+    let mut motion = Motion::default();
+    for choice in choices {
+        let Role::Motion(flow) = choice.target.role else { continue };
+        let mut vectors = planes.take(choice);
+        let expected = if flow == Flow::Cycles { 4 } else { 2 };
+        if vectors.len() != expected {
+            let what = format!("the motion has {} channels where {expected} were expected", vectors.len());
+            return Err(Error::new(ErrorKind::Lacking, what).remedy("name them by --map motionPrevious=X,Y"));
+        }
+        let mut turned = |signs: [f32; 2]| -> [Plane; 2] {
+            let mut turn = |sign: f32| {
+                let mut plane = vectors.remove(0);
+                plane.data_mut().iter_mut().for_each(|v| *v *= sign);
+                plane
+            };
+            signs.map(&mut turn)
+        };
+        match flow {
+            Flow::Previous => motion.previous = Some(turned([1.0, 1.0])),
+            Flow::Next => motion.next = Some(turned([1.0, 1.0])),
+            Flow::Cycles => {
+                motion.previous = Some(turned([1.0, -1.0]));
+                motion.next = Some(turned([-1.0, 1.0]));
+            }
+        }
+    }
+    Ok((motion != Motion::default()).then_some(motion))
 }
 
 /// The planes of one role.

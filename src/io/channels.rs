@@ -78,6 +78,19 @@ pub(super) enum Role {
     ColorXyz,
     /// A component of the beauty, which goes through its operator.
     Aov,
+    /// Where the pixel's surface is in the frames beside.
+    Motion(Flow),
+}
+
+/// What motion vectors point to, in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Flow {
+    /// From here to the place in the frame before, rows down.
+    Previous,
+    /// From here to the place in the next frame, rows down.
+    Next,
+    /// From here to the place in the frame before, then from the place in the next frame to here, rows up.
+    Cycles,
 }
 
 /// What a variance buffer holds.
@@ -191,6 +204,8 @@ const VECTOR: &[&[&str]] = &[&["X", "Y", "Z"], &["R", "G", "B"]];
 const XYZ: &[&[&str]] = &[&["X", "Y", "Z"]];
 const DEPTH: &[&[&str]] = &[&["Z"], &["T"], &["V"], &["Y"], &["D"], &["X"], &[""], &["R"]];
 const SCALAR: &[&[&str]] = &[&["Y"], &["X"], &["V"], &["Z"], &[""], &["R"]];
+const FLOW: &[&[&str]] = &[&["X", "Y"], &["R", "G"]];
+const BOTH_FLOWS: &[&[&str]] = &[&["X", "Y", "Z", "W"]];
 const BARE_Z: &[&[&str]] = &[&["Z"]];
 const BARE_T: &[&[&str]] = &[&["T"]];
 
@@ -199,6 +214,8 @@ const ALBEDO: Role = Role::Feature(FeatureKind::Albedo);
 const NORMAL: Role = Role::Feature(FeatureKind::Normal);
 const POSITION: Role = Role::Feature(FeatureKind::Position);
 const DISTANCE: Role = Role::Feature(FeatureKind::Depth);
+const PREVIOUS: Role = Role::Motion(Flow::Previous);
+const NEXT: Role = Role::Motion(Flow::Next);
 const VISIBILITY: Role = Role::Feature(FeatureKind::Visibility);
 
 const fn named(
@@ -240,6 +257,8 @@ pub(super) const LAYERS: &[LayerRow] = &[
     named(Renderer::Plain, "Z",              DEPTH,  DISTANCE),
     named(Renderer::Plain, "visibility#",    SCALAR, VISIBILITY),
     named(Renderer::Plain, "sampleCount",    SCALAR, Role::SampleCount),
+    named(Renderer::Plain, "motionPrevious", FLOW,   PREVIOUS),
+    named(Renderer::Plain, "motionNext",     FLOW,   NEXT),
 
     // `aov` and `moment` in any nesting: the user names the layers, so their numbers must tell.
     named(Renderer::Mitsuba, "",         RGB,    COLOR),
@@ -273,6 +292,7 @@ pub(super) const LAYERS: &[LayerRow] = &[
     named(Renderer::Cycles, "*.Depth",            DEPTH,  DISTANCE),
     named(Renderer::Cycles, "*.Denoising Depth",  DEPTH,  DISTANCE),
     named(Renderer::Cycles, "*.Debug Sample Count", SCALAR, Role::SampleCount),
+    named(Renderer::Cycles, "*.Vector",           BOTH_FLOWS, Role::Motion(Flow::Cycles)),
 
     named(Renderer::Arnold, "",               RGB,    COLOR),
     named(Renderer::Arnold, "RGBA",           RGB,    COLOR),

@@ -167,6 +167,7 @@ impl RoleLayout {
                 Role::SampleCount => "sampleCount".to_owned(),
                 Role::Feature(_) => target.feature.clone(),
                 Role::Aov => "aov".to_owned(),
+                Role::Motion(flow) => super::mapping::flow_name(flow).to_owned(),
                 _ => "color".to_owned(),
             },
             statistic: match target.statistic {

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::channels::{Role, Statistic, VarianceKind, match_layer};
+use super::channels::{Flow, Role, Statistic, VarianceKind, match_layer};
 use super::layers::{Channel, Layer};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
@@ -53,6 +53,15 @@ pub(super) const FEATURES: [(&str, FeatureKind); 5] = [
     ("visibility", FeatureKind::Visibility),
 ];
 
+/// The motion vectors that have a role, and their names.
+pub(super) const FLOWS: [(&str, Flow); 3] =
+    [("motionPrevious", Flow::Previous), ("motionNext", Flow::Next), ("motionCycles", Flow::Cycles)];
+
+/// The name of a kind of motion vectors.
+pub(super) fn flow_name(flow: Flow) -> &'static str {
+    FLOWS.iter().find(|(_, known)| *known == flow).map_or("motion", |(name, _)| name)
+}
+
 const SUFFIXES: [(&str, Statistic); 4] = [
     ("Variance", Statistic::Variance(VarianceKind::Mean)),
     ("HalfA", Statistic::HalfA),
@@ -67,6 +76,12 @@ const SUFFIXES: [(&str, Statistic); 4] = [
 pub(super) fn target(name: &str, further: &[String]) -> Result<Target> {
     if name.eq_ignore_ascii_case("sampleCount") {
         return Ok(Target { role: Role::SampleCount, feature: String::new(), statistic: Statistic::Mean });
+    }
+    for (known, flow) in FLOWS {
+        if name.eq_ignore_ascii_case(known) {
+            let role = Role::Motion(flow);
+            return Ok(Target { role, feature: String::new(), statistic: Statistic::Mean });
+        }
     }
     SUFFIXES
         .iter()
@@ -83,7 +98,7 @@ pub(super) fn target(name: &str, further: &[String]) -> Result<Target> {
         .ok_or_else(|| {
             Error::new(ErrorKind::Usage, format!("there is no role '{name}'")).remedy(
             "use color, variance, halfA, halfB, sampleCount, albedo, normal, position, depth, visibility, \
-             or a feature's name followed by Variance, HalfA or HalfB",
+             motionPrevious, motionNext, motionCycles, or a feature's name followed by Variance, HalfA or HalfB",
         )
         })
 }

@@ -2,7 +2,8 @@
 //!
 //! `R,G,B` is the colour, `variance.*` the variance of its mean and `halfA.*` the mean of one half
 //! of the samples (the other half is `2·mean − halfA`). A feature is a layer of its own name, with
-//! `<layer>Variance.*` and `<layer>HalfA.*` beside it; an AOV is a layer of three colours.
+//! `<layer>Variance.*` and `<layer>HalfA.*` beside it; an AOV is a layer of three colours. The motion is
+//! `motionPrevious.X,Y` and `motionNext.X,Y`.
 
 use std::path::Path;
 
@@ -139,6 +140,10 @@ fn channels<'a>(frame: &'a Frame, header: &FrameHeader<'a>) -> Result<Vec<(Text,
         if let Some([half, _]) = &feature.halves {
             layer(&format!("{}HalfA", feature.name), &names, half);
         }
+    }
+    let motion = frame.motion().map(|motion| (&motion.previous, &motion.next));
+    for (name, planes) in motion.iter().flat_map(|(p, n)| [("motionPrevious", p), ("motionNext", n)]) {
+        layer(name, &["X".to_owned(), "Y".to_owned()], planes.as_ref().map_or(&[], |planes| &planes[..]));
     }
     for aov in frame.aovs() {
         layer(&aov.name, &rgb, &aov.color);

@@ -44,6 +44,8 @@ pub struct ReadOptions {
     /// is around them, `*` at the end for any end; `auto` for all sets of layers that are known to sum to
     /// the beauty.
     pub aovs: Vec<String>,
+    /// Whether motion vectors are wanted: only sequences have a use for them.
+    pub motion: bool,
 }
 
 /// A file as the denoiser sees it.
@@ -152,7 +154,8 @@ impl Picture {
         let casting = Casting::new(&layers, renderer, &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
-        let candidates = casting.candidates(&color);
+        let mut candidates = casting.candidates(&color);
+        candidates.retain(|found| options.motion || !matches!(found.mean.target.role, Role::Motion(_)));
 
         let window = documents[0].headers()[color.mean.channels[0].at.part].data_window();
         let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;

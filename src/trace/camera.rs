@@ -1,6 +1,7 @@
 //! The camera: perspective, with a thin lens, in motion.
 
 use super::math::{Ray, Vec3};
+use super::motion::AnimationFrame;
 use super::plan::effect;
 use super::sampling::{Random, Stream, concentric_disk};
 use super::transform::Affine;
@@ -57,10 +58,17 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The ray of sample `sample` of the pixel at column `x` and row `y` of the crop. The generators
-    /// of lens and time exist only where the effects call for them.
+    /// The ray of sample `sample` of the pixel at column `x` and row `y` of the crop, during `frame` or
+    /// all of the motion. The generators of lens and time exist only where the effects call for them.
     #[inline(always)]
-    pub fn ray<const E: u32>(&self, [x, y]: [usize; 2], seed: u64, sample: u32, random: &mut Random) -> Ray {
+    pub fn ray<const E: u32>(
+        &self,
+        [x, y]: [usize; 2],
+        frame: Option<&AnimationFrame>,
+        seed: u64,
+        sample: u32,
+        random: &mut Random,
+    ) -> Ray {
         let (x, y) = (self.crop.x + x, self.crop.y + y);
         let pixel = self.pixel_index([x, y]);
         let offset = self.filter.sample(random.next_2d());
@@ -81,11 +89,28 @@ impl Camera {
         let mut to_world = self.to_world;
         if E & effect::MOTION != 0 {
             time = Random::new(seed, pixel, sample, Stream::Time).next();
+            time = frame.map_or(time, |frame| frame.moment(time));
             if let Some(end) = &self.to_world_end {
                 to_world = to_world.blend(end, time);
             }
         }
         Ray { origin: to_world.point(origin), direction: (to_world.linear * direction).normalize(), time }
+    }
+
+    /// Column and row of the whole picture at which `point` is seen at `time` (which may lie outside of
+    /// the motion), through the middle of the lens; with `w` 0 instead of 1 it is a direction. Far away
+    /// where it is behind the camera.
+    pub fn project(&self, point: Vec3, w: f32, time: f32) -> [f32; 2] {
+        const BEHIND: f32 = -1e6;
+        let to_world = self.to_world_end.as_ref().map_or(self.to_world, |end| self.to_world.blend(end, time));
+        let Some(to_camera) = to_world.inverse() else { return [BEHIND; 2] };
+        let seen = to_camera.linear * point + to_camera.shift * w;
+        if seen.z <= 0.0 {
+            return [BEHIND; 2];
+        }
+        let [width, height] = self.resolution.map(|size| size as f32);
+        let scale = 2.0 * self.tan_half_fov / width * seen.z;
+        [0.5 * width + seen.x / scale, 0.5 * height - seen.y / scale]
     }
 
     /// The number of the pixel at `[x, y]` of the whole picture, which seeds its random numbers: a crop

@@ -4,7 +4,7 @@
 use super::math::Vec3;
 use super::sample::{FEATURES, SECOND_FEATURES, Sample};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Aov, Feature, FeatureKind, Frame};
+use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion};
 use crate::image::{Plane, Rgb};
 
 /// Sums over the samples of one pixel, in `f64`: their differences are taken later.
@@ -59,7 +59,8 @@ pub struct Film {
     pub(super) color: Vec<ColorMoments>,
     pub(super) features: Vec<Moments<FEATURES>>,
     second: Vec<Moments<SECOND_FEATURES>>,
-    groups: Vec<f64>, // RGB of every group of every pixel
+    motion: Vec<[f64; 4]>, // sums of the vectors to the frame before and to the next
+    groups: Vec<f64>,      // RGB of every group of every pixel
     group_names: Vec<String>,
 }
 
@@ -69,6 +70,7 @@ pub(super) struct Row<'a> {
     color: &'a mut [ColorMoments],
     features: &'a mut [Moments<FEATURES>],
     second: &'a mut [Moments<SECOND_FEATURES>],
+    motion: &'a mut [[f64; 4]],
     groups: &'a mut [f64],
 }
 
@@ -95,6 +97,9 @@ impl Row<'_> {
         if let Some(moments) = self.second.get_mut(x) {
             moments.add(&sample.second, even);
         }
+        if let Some(sums) = self.motion.get_mut(x) {
+            sums.iter_mut().zip(sample.motion).for_each(|(sum, value)| *sum += f64::from(value));
+        }
         let start = x * 3 * sample.groups.len();
         let sums = self.groups.get_mut(start..).unwrap_or_default();
         for (sum, value) in sums.iter_mut().zip(flat(&sample.groups)) {
@@ -112,6 +117,7 @@ fn flat(colors: &[Vec3]) -> impl Iterator<Item = f32> {
 pub(super) struct Buffers {
     pub features: bool,
     pub second: bool,
+    pub motion: bool,
     pub groups: Vec<String>,
 }
 
@@ -126,6 +132,7 @@ impl Film {
             color: vec![Moments::ZERO; pixels],
             features: vec![Moments::ZERO; when(buffers.features)],
             second: vec![Moments::ZERO; when(buffers.second)],
+            motion: vec![[0.0; 4]; when(buffers.motion)],
             groups: vec![0.0; 3 * buffers.groups.len() * pixels],
             group_names: buffers.groups,
         }
@@ -166,6 +173,7 @@ impl Film {
         let group_width = 3 * self.group_names.len() * width;
         let mut features = self.features.chunks_mut(width);
         let mut second = self.second.chunks_mut(width);
+        let mut motion = self.motion.chunks_mut(width);
         let mut groups = self.groups.chunks_mut(group_width.max(1));
         let pixels = self.counts.chunks_mut(width).zip(self.color.chunks_mut(width));
         pixels
@@ -174,6 +182,7 @@ impl Film {
                 color,
                 features: features.next().unwrap_or_default(),
                 second: second.next().unwrap_or_default(),
+                motion: motion.next().unwrap_or_default(),
                 groups: groups.next().unwrap_or_default(),
             })
             .collect()
@@ -208,6 +217,10 @@ impl Film {
         for (group, name) in self.group_names.iter().enumerate() {
             frame = frame.with_aov(Aov { name: name.clone(), color: self.group(group) })?;
         }
+        if !self.motion.is_empty() {
+            let to = |first: usize| Some([self.mean_motion(first), self.mean_motion(first + 1)]);
+            frame = frame.with_motion(Motion { previous: to(0), next: to(2) })?;
+        }
         let spp = self.drawn() as f64 / self.counts.len() as f64;
         Ok(frame.with_spp(spp as f32))
     }
@@ -221,6 +234,13 @@ impl Film {
         Plane::from_fn(self.width, self.height, |x, y| {
             let pixel = y * self.width + x;
             value(&moments[pixel], self.counts[pixel], i) as f32
+        })
+    }
+
+    fn mean_motion(&self, i: usize) -> Plane {
+        Plane::from_fn(self.width, self.height, |x, y| {
+            let pixel = y * self.width + x;
+            (self.motion[pixel][i] / f64::from(self.counts[pixel].kept())) as f32
         })
     }
 
@@ -338,14 +358,16 @@ impl Film {
         let color = self.color.iter().flat_map(Moments::numbers);
         let features = self.features.iter().flat_map(Moments::numbers);
         let second = self.second.iter().flat_map(Moments::numbers);
-        color.chain(features).chain(second).chain(self.groups.iter()).copied()
+        let rest = self.motion.as_flattened().iter().chain(&self.groups);
+        color.chain(features).chain(second).chain(rest).copied()
     }
 
     fn numbers_mut(&mut self) -> impl Iterator<Item = &mut f64> {
         let color = self.color.iter_mut().flat_map(Moments::numbers_mut);
         let features = self.features.iter_mut().flat_map(Moments::numbers_mut);
         let second = self.second.iter_mut().flat_map(Moments::numbers_mut);
-        color.chain(features).chain(second).chain(self.groups.iter_mut())
+        let rest = self.motion.as_flattened_mut().iter_mut().chain(&mut self.groups);
+        color.chain(features).chain(second).chain(rest)
     }
 }
 

@@ -16,6 +16,7 @@ mod film;
 mod light;
 mod math;
 mod medium;
+mod motion;
 mod path;
 mod plan;
 mod render;
@@ -29,6 +30,7 @@ mod world;
 
 pub use bvh::Split;
 pub use film::{Count, Film};
+pub use motion::AnimationFrame;
 pub use plan::{Effect, Plan};
 pub use render::{RenderOptions, Rendered, Renderer, Samples, render};
 pub use sample::FeatureMode;

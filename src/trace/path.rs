@@ -4,6 +4,7 @@
 use super::bsdf::{Bsdf, Scatter, diffuse_eval, diffuse_sample};
 use super::math::{Basis, Ray, Vec3};
 use super::medium::Medium;
+use super::motion::AnimationFrame;
 use super::plan::effect;
 use super::sample::{FeatureMode, Sample};
 use super::sampling::{Random, Stream, power_heuristic};
@@ -19,6 +20,8 @@ pub struct Integrator<'a, const E: u32> {
     pub scene: &'a Scene,
     /// Where features are recorded.
     pub features: FeatureMode,
+    /// The frame that is rendered; all of the motion where there is none.
+    pub frame: Option<AnimationFrame>,
     /// The render's seed.
     pub seed: u64,
 }
@@ -57,7 +60,7 @@ impl<const E: u32> Integrator<'_, E> {
         let camera = &self.scene.camera;
         let pixel = camera.pixel_index([x + camera.crop.x, y + camera.crop.y]);
         let mut random = Random::new(self.seed, pixel, index, Stream::Path);
-        let ray = camera.ray::<E>([x, y], self.seed, index, &mut random);
+        let ray = camera.ray::<E>([x, y], self.frame.as_ref(), self.seed, index, &mut random);
         sample.reset(self.features);
         let medium_random =
             (E & effect::MEDIUM != 0).then(|| Random::new(self.seed, pixel, index, Stream::Medium));
@@ -82,6 +85,10 @@ impl<const E: u32> Integrator<'_, E> {
     fn step(&self, path: &mut Path, depth: u32) -> bool {
         let hit = self.scene.world.closest::<E>(&path.ray);
         let distance = hit.as_ref().map_or(f32::INFINITY, |hit| hit.t);
+        if let Some(frame) = self.frame.as_ref().filter(|_| depth == 1) {
+            let scene = (&self.scene.camera, &self.scene.world);
+            path.sample.motion = frame.vectors::<E>(scene, &path.ray, hit.as_ref());
+        }
         let vertex = hit.map(|hit| {
             let (surface, shape) = self.scene.world.surface::<E>(&path.ray, &hit);
             (self.vertex(&path.ray, surface, shape), shape)

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::film::{Buffers, Film, Row};
+use super::motion::AnimationFrame;
 use super::path::Integrator;
 use super::plan::{Plan, effect};
 use super::sample::{FeatureMode, Sample};
@@ -25,11 +26,21 @@ pub struct RenderOptions {
     pub second_hit: bool,
     /// Whether to keep the scene's light groups apart; they sum to the colour.
     pub light_groups: bool,
+    /// The frame of an animation, with motion vectors; by default the shutter is open during all of the
+    /// scene's motion.
+    pub frame: Option<AnimationFrame>,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        Self { spp: 16, seed: 0, features: FeatureMode::FirstHit, second_hit: false, light_groups: false }
+        Self {
+            spp: 16,
+            seed: 0,
+            features: FeatureMode::FirstHit,
+            second_hit: false,
+            light_groups: false,
+            frame: None,
+        }
     }
 }
 
@@ -88,6 +99,7 @@ impl<'a> Renderer<'a> {
         let buffers = Buffers {
             features,
             second: features && options.second_hit,
+            motion: options.frame.is_some(),
             groups: if options.light_groups { scene.group_names.clone() } else { vec![] },
         };
         let crop = scene.camera.crop;
@@ -166,7 +178,9 @@ fn run_row<const E: u32>(
     counts: &dyn Fn(usize) -> u32,
     sample: &mut Sample,
 ) {
-    let integrator = Integrator::<E> { scene, features: options.features, seed: options.seed };
+    let RenderOptions { features, frame, seed, .. } = *options;
+    let seed = frame.map_or(seed, |frame| frame.seed(seed));
+    let integrator = Integrator::<E> { scene, features, frame, seed };
     for x in 0..scene.camera.crop.width {
         for _ in 0..counts(x) {
             integrator.follow([x, y], row.drawn(x), sample);

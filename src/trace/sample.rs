@@ -36,6 +36,9 @@ pub struct Sample {
     pub features: [f32; FEATURES],
     /// Features of what a glossy first surface shows; 0 on others.
     pub second: [f32; SECOND_FEATURES],
+    /// How far what it saw first is from its place in the frame before (2) and in the next (2), in pixels;
+    /// 0 unless the render is a frame of an animation.
+    pub motion: [f32; 4],
     /// Radiance of each light group; empty unless they are kept apart.
     pub groups: Vec<Vec3>,
     stage: Stage,
@@ -56,6 +59,7 @@ impl Sample {
             color: Vec3::zeros(),
             features: [0.0; FEATURES],
             second: [0.0; SECOND_FEATURES],
+            motion: [0.0; 4],
             groups: vec![Vec3::zeros(); groups],
             stage: Stage::Done,
             distance: 0.0,

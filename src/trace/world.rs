@@ -213,6 +213,20 @@ impl World {
         })
     }
 
+    /// Where the point at `hit` of `ray` is at another `time`.
+    pub fn moved<const E: u32>(&self, ray: &Ray, hit: &Hit, time: f32) -> Vec3 {
+        let point = ray.at(hit.t);
+        if E & effect::INSTANCES == 0 || hit.instance == NONE {
+            return point;
+        }
+        match &self.top.solids[hit.instance as usize] {
+            Solid::Instance { motion, .. } => {
+                motion.at(time).to_world.point(motion.at(ray.time).to_local.point(point))
+            }
+            _ => point,
+        }
+    }
+
     /// The surface at `hit` of `ray`, and the index of its shape.
     #[inline(always)]
     pub fn surface<const E: u32>(&self, ray: &Ray, hit: &Hit) -> (Surface, u32) {

@@ -20,7 +20,14 @@ fn bits(frame: &Frame) -> Vec<u32> {
 }
 
 fn everything() -> RenderOptions {
-    RenderOptions { spp: 6, seed: 5, features: FeatureMode::FirstRough, second_hit: true, light_groups: true }
+    RenderOptions {
+        spp: 6,
+        seed: 5,
+        features: FeatureMode::FirstRough,
+        second_hit: true,
+        light_groups: true,
+        frame: None,
+    }
 }
 
 #[test]

@@ -4,6 +4,7 @@ mod adaptive;
 mod closed_forms;
 mod determinism;
 mod mitsuba;
+mod motion;
 mod program;
 mod scene_errors;
 

@@ -154,6 +154,7 @@ impl Arguments {
             half: job.half.clone(),
             with: job.with.clone(),
             aovs: self.aov.clone(),
+            motion: false,
         }
     }
 }

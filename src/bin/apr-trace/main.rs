@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use apr::adaptive::AdaptiveOptions;
 use apr::io::{FrameHeader, check_target, read_rgb, write_bytes, write_frame};
-use apr::trace::{FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
+use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
 use clap::{Parser, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -42,6 +42,13 @@ struct Args {
     /// Also write one layer for each light group; they sum to the colour.
     #[arg(long)]
     light_groups: bool,
+    /// Render frame K of the M that the scene's motion is cut into, with noise of its own and motion vectors
+    /// (layers motionPrevious and motionNext).
+    #[arg(long, value_name = "K/M", value_parser = frame)]
+    frame: Option<(u32, u32)>,
+    /// The share of the frame's time during which the shutter is open.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "frame")]
+    shutter: f32,
     /// Samples of each pixel from the first channel of this EXR file, instead of --spp.
     #[arg(long, value_name = "EXR", conflicts_with = "reference")]
     spp_map: Option<PathBuf>,
@@ -89,20 +96,28 @@ enum Features {
 }
 
 impl Args {
-    fn options(&self) -> RenderOptions {
+    fn options(&self) -> Result<RenderOptions> {
         let features = match self.features {
             Features::None => FeatureMode::None,
             Features::FirstHit => FeatureMode::FirstHit,
             Features::FirstRough => FeatureMode::FirstRough,
         };
-        RenderOptions {
+        let frame = self.frame.map(|(number, count)| AnimationFrame::new(number, count, self.shutter));
+        Ok(RenderOptions {
             spp: self.reference.unwrap_or(self.spp),
             seed: self.seed,
             features,
             second_hit: self.second_hit,
             light_groups: self.light_groups,
-        }
+            frame: frame.transpose()?,
+        })
     }
+}
+
+/// `K/M`.
+fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
+    let numbers = text.split_once('/').and_then(|(k, m)| Some((k.parse().ok()?, m.parse().ok()?)));
+    numbers.ok_or_else(|| "expected K/M, as in 3/24".to_owned())
 }
 
 fn main() -> ExitCode {
@@ -118,7 +133,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<()> {
     let scene = Scene::load(&args.scene)?;
-    let options = args.options();
+    let options = args.options()?;
     let Some(out) = args.out.as_ref().filter(|_| !args.plan) else {
         print_plan(&Plan::new(&scene, &options));
         return Ok(());
