@@ -1,6 +1,7 @@
 //! Vectors, rays, boxes and orthonormal bases of the tracer.
 
 use nalgebra::Vector3;
+use wide::f32x4;
 
 /// A point, direction or linear RGB colour.
 pub type Vec3 = Vector3<f32>;
@@ -151,4 +152,16 @@ pub fn luminance(c: Vec3) -> f32 {
 #[inline]
 pub fn reflect(v: Vec3, n: Vec3) -> Vec3 {
     n * (2.0 * v.dot(&n)) - v
+}
+
+/// Every coordinate of `v` in all four lanes.
+#[inline(always)]
+pub fn splat(v: Vec3) -> [f32x4; 3] {
+    [f32x4::splat(v.x), f32x4::splat(v.y), f32x4::splat(v.z)]
+}
+
+/// The scalar products of four pairs of vectors.
+#[inline(always)]
+pub fn dot4(a: &[f32x4; 3], b: &[f32x4; 3]) -> f32x4 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -54,6 +54,17 @@ struct Vertex {
     wi: Vec3,
 }
 
+impl Vertex {
+    /// The normal on the only side from which light is scattered to where the path came from; none where
+    /// the other side's comes through. Only the choice between lights asks for it.
+    #[inline(always)]
+    fn lit_side<const E: u32>(&self) -> Option<Vec3> {
+        let opaque = E & effect::GLOSSY == 0 || !matches!(self.bsdf, Bsdf::Dielectric(_));
+        let side = 1f32.copysign(self.wi.z);
+        (E & effect::MANY_LIGHTS != 0 && opaque).then(|| self.surface.shading_normal * side)
+    }
+}
+
 impl<const E: u32> Integrator<'_, E> {
     /// Follows path number `index` of the pixel at `[x, y]` of the crop; fills `sample`.
     pub fn follow(&self, [x, y]: [usize; 2], index: u32, sample: &mut Sample) {
@@ -176,9 +187,9 @@ impl<const E: u32> Integrator<'_, E> {
     #[inline(always)]
     fn scatter_at_surface(&self, path: &mut Path, vertex: &Vertex, recorded: bool) -> bool {
         let Vertex { surface, basis, bsdf, wi } = vertex;
-        let normal = Some(surface.shading_normal);
+        let normal = vertex.lit_side::<E>();
         if E & effect::GLOSSY == 0 || !bsdf.is_delta() {
-            self.add_direct(path, surface.point, Some(surface), recorded, |direction| {
+            self.add_direct(path, surface.point, Some((surface, normal)), recorded, |direction| {
                 eval::<E>(bsdf, *wi, basis.to_local(direction))
             });
         }
@@ -221,11 +232,11 @@ impl<const E: u32> Integrator<'_, E> {
         &self,
         path: &mut Path,
         point: Vec3,
-        surface: Option<&Surface>,
+        surface: Option<(&Surface, Option<Vec3>)>,
         recorded: bool,
         eval: impl Fn(Vec3) -> (Vec3, f32),
     ) {
-        let normal = surface.map(|surface| surface.shading_normal);
+        let normal = surface.and_then(|(_, lit_side)| lit_side);
         let chosen = self.scene.lights.choose::<E>(point, normal, &mut path.random);
         let u = path.random.next_2d();
         let mut reached = false;
@@ -236,7 +247,7 @@ impl<const E: u32> Integrator<'_, E> {
             // A black surface still tells what reaches it.
             if pdf > 0.0 && (recorded || value != Vec3::zeros()) {
                 let ray = match surface {
-                    Some(surface) => Ray::leaving(point, surface.normal, light.direction, path.ray.time),
+                    Some((surface, _)) => Ray::leaving(point, surface.normal, light.direction, path.ray.time),
                     None => Ray { origin: point, direction: light.direction, time: path.ray.time },
                 };
                 let (ray, end) = ray.aimed(point, light.distance);

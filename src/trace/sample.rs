@@ -69,12 +69,14 @@ impl Sample {
     /// Empties it for the next path.
     pub fn reset(&mut self, mode: FeatureMode) {
         self.color = Vec3::zeros();
-        self.features = [0.0; FEATURES];
-        self.features[VISIBILITY] = 1.0;
-        self.second = [0.0; SECOND_FEATURES];
         self.groups.fill(Vec3::zeros());
-        self.stage = if mode == FeatureMode::None { Stage::Done } else { Stage::First };
-        self.distance = 0.0;
+        if mode != FeatureMode::None {
+            self.features = [0.0; FEATURES];
+            self.features[VISIBILITY] = 1.0;
+            self.second = [0.0; SECOND_FEATURES];
+            self.stage = Stage::First;
+            self.distance = 0.0;
+        }
     }
 
     /// Adds radiance that light group `group` sent.

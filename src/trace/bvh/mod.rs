@@ -9,8 +9,7 @@ pub use packet::Packet;
 
 use wide::f32x4;
 
-use super::math::{Aabb, Ray};
-use packet::splat;
+use super::math::{Aabb, Ray, splat};
 
 /// What a leaf holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,9 +180,13 @@ impl Slabs {
     fn new(ray: &Ray) -> Self {
         // A tiny component in place of 0 keeps 0 · ∞ out of the test.
         const TINY: f32 = 1e-30;
-        let inverse = ray.direction.map(|d| 1.0 / if d.abs() < TINY { TINY.copysign(d) } else { d });
-        let negative = std::array::from_fn(|axis| usize::from(inverse[axis] < 0.0));
-        Self { origin: splat(ray.origin), inverse: splat(inverse), negative }
+        let safe = ray.direction.map(|d| d.abs().max(TINY).copysign(d));
+        let inverse = (f32x4::ONE / f32x4::new([safe.x, safe.y, safe.z, 1.0])).to_array();
+        Self {
+            origin: splat(ray.origin),
+            inverse: [0, 1, 2].map(|axis| f32x4::splat(inverse[axis])),
+            negative: [0, 1, 2].map(|axis| usize::from(inverse[axis] < 0.0)),
+        }
     }
 
     /// Where the ray enters the four boxes of `node`, and bits for those it meets before `t_max`.
@@ -195,8 +198,8 @@ impl Slabs {
             let enter = (node.bounds[side][axis] - self.origin[axis]) * self.inverse[axis];
             let leave = (node.bounds[1 - side][axis] - self.origin[axis]) * self.inverse[axis];
             near = enter.fast_max(near);
-            far = (leave * SLAB_SLACK).fast_min(far);
+            far = leave.fast_min(far);
         }
-        (near.to_array(), near.simd_le(far).to_bitmask())
+        (near.to_array(), near.simd_le(far * SLAB_SLACK).to_bitmask())
     }
 }

@@ -2,7 +2,7 @@
 
 use wide::f32x4;
 
-use crate::trace::math::{Ray, Vec3};
+use crate::trace::math::{Ray, Vec3, dot4, splat};
 
 /// Four triangles, each a corner and two edges; an unused lane has no extent and is never hit.
 #[derive(Debug, Clone)]
@@ -28,17 +28,6 @@ fn cross(a: &[f32x4; 3], b: &[f32x4; 3]) -> [f32x4; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-#[inline(always)]
-fn dot(a: &[f32x4; 3], b: &[f32x4; 3]) -> f32x4 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// Every coordinate of `v` in all four lanes.
-#[inline(always)]
-pub fn splat(v: Vec3) -> [f32x4; 3] {
-    [f32x4::splat(v.x), f32x4::splat(v.y), f32x4::splat(v.z)]
-}
-
 impl Packet {
     /// Packs up to four triangles, given by index and corners.
     pub fn new(triangles: &[(u32, [Vec3; 3])]) -> Self {
@@ -62,10 +51,10 @@ impl Packet {
         let [e1, e2] = &self.edges;
         let p = cross(&direction, e2);
         let q = cross(&from_corner, e1);
-        let inverse = f32x4::ONE / dot(e1, &p); // infinite in an unused lane, where no test below holds
-        let u = dot(&from_corner, &p) * inverse;
-        let v = dot(&direction, &q) * inverse;
-        let t = dot(e2, &q) * inverse;
+        let inverse = f32x4::ONE / dot4(e1, &p); // infinite in an unused lane, where no test below holds
+        let u = dot4(&from_corner, &p) * inverse;
+        let v = dot4(&direction, &q) * inverse;
+        let t = dot4(e2, &q) * inverse;
         let inside = u.simd_ge(f32x4::ZERO) & v.simd_ge(f32x4::ZERO) & (u + v).simd_le(f32x4::ONE);
         let hit = inside & t.simd_gt(f32x4::ZERO) & t.simd_lt(f32x4::splat(t_max));
         let mut lanes = hit.to_bitmask();

@@ -1,10 +1,12 @@
-//! Choosing one of many lights for a point: a binary tree over the lights of finite extent, descended
-//! by an estimate of what each half contributes (Conty Estévez and Kulla 2018). The cost grows with
-//! the logarithm of their number.
+//! Choosing one of many lights for a point: a tree over the lights of finite extent, descended by an
+//! estimate of what each child contributes (Conty Estévez and Kulla 2018). Nodes have four children,
+//! whose estimates are made side by side in SIMD registers; a hundred lights are four levels.
 
 use std::f32::consts::PI;
 
-use crate::trace::math::{Aabb, Vec3};
+use wide::f32x4;
+
+use crate::trace::math::{Aabb, Vec3, dot4, splat};
 
 /// Where light comes from and where it goes.
 #[derive(Debug, Clone, Copy)]
@@ -21,19 +23,41 @@ pub struct Extent {
     pub power: f32,
 }
 
+/// Children of a node.
+const WIDTH: usize = 4;
+/// Bits of a path that tell the turn at one node.
+const TURN_BITS: u32 = WIDTH.ilog2();
+
+/// A child: a node, or with this bit set a light.
+#[derive(Debug, Clone, Copy)]
+struct Child(u32);
+
+const LEAF: u32 = 1 << 31;
+
+/// The extents of four children, as the descent wants them; a child that is missing has no power.
 #[derive(Debug, Clone)]
 struct Node {
-    extent: Bound,
-    /// The second child (the first follows its parent), or none in a leaf.
-    second: Option<u32>,
-    light: u32,
+    center: [f32x4; 3],
+    radius: f32x4, // half diagonal of the box
+    power: f32x4,
+    cones: Option<Box<Cones>>, // none when all four shine everywhere
+    children: [Child; WIDTH],
+}
+
+/// The directions into which four children shine.
+#[derive(Debug, Clone)]
+struct Cones {
+    axis: [f32x4; 3],
+    sin_spread: f32x4,
+    cos_spread: f32x4,
+    cos_reach: f32x4,
 }
 
 /// The tree.
 #[derive(Debug, Clone, Default)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// For each light, the turns from the root to its leaf, lowest bit first.
+    /// For each light, the turns from the root to its leaf, lowest bits first.
     paths: Vec<u64>,
 }
 
@@ -52,124 +76,211 @@ impl LightTree {
         self.nodes.is_empty()
     }
 
-    fn add(&mut self, lights: &mut [(u32, Extent)], path: u64, depth: u32) {
+    /// Adds the node over `lights` and all below it, `depth` bits of turns below the root.
+    fn add(&mut self, lights: &mut [(u32, Extent)], path: u64, depth: u32) -> usize {
         let index = self.nodes.len();
-        let extent = lights[1..].iter().fold(lights[0].1, |sum, (_, extent)| sum.union(extent));
-        self.nodes.push(Node { extent: Bound::new(&extent), second: None, light: lights[0].0 });
-        if lights.len() == 1 {
-            self.paths[lights[0].0 as usize] = path;
-            return;
+        let mut parts = quarters(lights);
+        let extents: Vec<Extent> = parts.iter().map(|part| union(part)).collect();
+        self.nodes.push(Node::new(&extents));
+        for (turn, part) in parts.iter_mut().enumerate() {
+            let path = path | (turn as u64) << depth;
+            self.nodes[index].children[turn] = if let [(light, _)] = part {
+                self.paths[*light as usize] = path;
+                Child(*light | LEAF)
+            } else {
+                Child(self.add(part, path, depth + TURN_BITS) as u32)
+            };
         }
-        let axis = extent.bounds.extent().imax();
-        let middle = lights.len() / 2;
-        let key = |(index, extent): &(u32, Extent)| (extent.bounds.center()[axis], *index);
-        lights.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
-        let (first, second) = lights.split_at_mut(middle);
-        self.add(first, path, depth + 1);
-        self.nodes[index].second = Some(self.nodes.len() as u32);
-        self.add(second, path | 1 << depth, depth + 1);
+        index
     }
 
-    /// Chooses a light for `point` (with `normal` on a surface) by `u`: its index and probability.
-    /// None when no light can reach the point.
+    /// Chooses a light for `point` by `u`: its index and probability. `normal` is that of a surface that
+    /// scatters only to its side; without one, light may arrive from anywhere. None when no light can
+    /// reach the point.
+    #[inline]
     pub fn sample(&self, point: Vec3, normal: Option<Vec3>, mut u: f32) -> Option<(usize, f32)> {
+        let place = Place::new(point, normal);
         let mut probability = 1.0;
         let mut index = 0;
-        while let Some(second) = self.nodes[index].second {
-            let share = self.first_share(index, point, normal)?;
-            if u < share {
-                u /= share;
-                probability *= share;
-                index += 1;
-            } else {
-                u = (u - share) / (1.0 - share);
-                probability *= 1.0 - share;
-                index = second as usize;
+        loop {
+            let node = &self.nodes[index];
+            let shares = Shares::new(node.importance(&place))?;
+            let turn = shares.turn(u);
+            u = shares.rest(u, turn);
+            probability *= shares.probability(turn);
+            let child = node.children[turn].0;
+            if child & LEAF != 0 {
+                return Some(((child & !LEAF) as usize, probability));
             }
+            index = child as usize;
         }
-        Some((self.nodes[index].light as usize, probability))
     }
 
     /// The probability of [`LightTree::sample`] to choose `light`.
     pub fn probability(&self, point: Vec3, normal: Option<Vec3>, light: usize) -> f32 {
+        let place = Place::new(point, normal);
         let mut path = self.paths[light];
         let mut probability = 1.0;
         let mut index = 0;
-        while let Some(second) = self.nodes[index].second {
-            let Some(share) = self.first_share(index, point, normal) else { return 0.0 };
-            let turn = path & 1 == 1;
-            probability *= if turn { 1.0 - share } else { share };
-            index = if turn { second as usize } else { index + 1 };
-            path >>= 1;
+        loop {
+            let node = &self.nodes[index];
+            let Some(shares) = Shares::new(node.importance(&place)) else { return 0.0 };
+            let turn = path as usize & (WIDTH - 1);
+            probability *= shares.probability(turn);
+            let child = node.children[turn].0;
+            if child & LEAF != 0 {
+                return probability;
+            }
+            index = child as usize;
+            path >>= TURN_BITS;
         }
-        probability
+    }
+}
+
+/// Divides `lights` into up to four parts of nearly equal number, each at the middle of its longest axis.
+fn quarters(lights: &mut [(u32, Extent)]) -> Vec<&mut [(u32, Extent)]> {
+    let mut parts = vec![lights];
+    while parts.len() < WIDTH {
+        let largest = (0..parts.len()).max_by_key(|&i| (parts[i].len(), std::cmp::Reverse(i)));
+        let Some(largest) = largest.filter(|&i| parts[i].len() > 1) else { break };
+        let part = parts.remove(largest);
+        let axis = union(part).bounds.extent().imax();
+        let key = |(index, extent): &(u32, Extent)| (extent.bounds.center()[axis], *index);
+        part.sort_by(|a, b| key(a).0.total_cmp(&key(b).0).then(key(a).1.cmp(&key(b).1)));
+        let (first, second) = part.split_at_mut(part.len() / 2);
+        parts.extend([first, second]);
+    }
+    parts
+}
+
+fn union(lights: &[(u32, Extent)]) -> Extent {
+    lights[1..].iter().fold(lights[0].1, |sum, (_, extent)| sum.union(extent))
+}
+
+/// Where light is to be chosen for.
+struct Place {
+    point: [f32x4; 3],
+    normal: Option<[f32x4; 3]>,
+}
+
+impl Place {
+    #[inline(always)]
+    fn new(point: Vec3, normal: Option<Vec3>) -> Self {
+        Self { point: splat(point), normal: normal.map(splat) }
+    }
+}
+
+/// What four children contribute, and the sums of the first one to all four.
+struct Shares {
+    importance: [f32; WIDTH],
+    sums: [f32; WIDTH],
+}
+
+impl Shares {
+    /// None when no child contributes.
+    #[inline(always)]
+    fn new(importance: f32x4) -> Option<Self> {
+        let importance = importance.to_array();
+        let mut sums = importance;
+        for i in 1..WIDTH {
+            sums[i] += sums[i - 1];
+        }
+        (sums[WIDTH - 1] > 0.0).then_some(Self { importance, sums })
     }
 
-    /// The first child's share of what both children of node `index` contribute.
-    fn first_share(&self, index: usize, point: Vec3, normal: Option<Vec3>) -> Option<f32> {
-        let second = self.nodes[index].second? as usize;
-        let first = self.nodes[index + 1].extent.importance(point, normal);
-        let second = self.nodes[second].extent.importance(point, normal);
-        let sum = first + second;
-        (sum > 0.0).then(|| first / sum)
+    /// The child that `u` falls to; never one that contributes nothing.
+    #[inline(always)]
+    fn turn(&self, u: f32) -> usize {
+        let total = self.sums[WIDTH - 1];
+        let target = u * total;
+        let passed = self.sums.iter().filter(|&&sum| sum <= target).count();
+        let last = self.sums.iter().filter(|&&sum| sum < total).count(); // where rounding ends up at most
+        passed.min(last)
+    }
+
+    /// `u` stretched to [0, 1) inside the child that it fell to.
+    #[inline(always)]
+    fn rest(&self, u: f32, turn: usize) -> f32 {
+        let before = self.sums[turn] - self.importance[turn];
+        let rest = (u * self.sums[WIDTH - 1] - before) / self.importance[turn];
+        rest.clamp(0.0, 1.0 - f32::EPSILON / 2.0)
+    }
+
+    #[inline(always)]
+    fn probability(&self, turn: usize) -> f32 {
+        self.importance[turn] / self.sums[WIDTH - 1]
     }
 }
 
 /// Cosine of max(0, a − b), for angles given by sine and cosine.
-fn cos_difference((sin_a, cos_a): (f32, f32), (sin_b, cos_b): (f32, f32)) -> f32 {
-    if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+#[inline(always)]
+fn cos_difference((sin_a, cos_a): (f32x4, f32x4), (sin_b, cos_b): (f32x4, f32x4)) -> f32x4 {
+    cos_a.simd_gt(cos_b).select(f32x4::ONE, cos_a * cos_b + sin_a * sin_b)
 }
 
-fn with_sine(cos: f32) -> (f32, f32) {
-    ((1.0 - cos * cos).max(0.0).sqrt(), cos)
+#[inline(always)]
+fn with_sine(cos: f32x4) -> (f32x4, f32x4) {
+    ((f32x4::ONE - cos * cos).fast_max(f32x4::ZERO).sqrt(), cos)
 }
 
-/// An [`Extent`] as the descent wants it.
-#[derive(Debug, Clone, Copy)]
-struct Bound {
-    center: Vec3,
-    radius: f32, // half diagonal of the box
-    axis: Vec3,
-    spread: (f32, f32), // sine and cosine
-    cos_reach: f32,
-    power: f32,
-}
-
-impl Bound {
-    fn new(extent: &Extent) -> Self {
+impl Node {
+    /// A node over up to four children.
+    fn new(extents: &[Extent]) -> Self {
+        let lanes = |value: &dyn Fn(&Extent) -> f32| {
+            f32x4::from(std::array::from_fn(|i| extents.get(i).map_or(0.0, value)))
+        };
+        let vector = |value: &dyn Fn(&Extent) -> Vec3| [0, 1, 2].map(|axis| lanes(&|e| value(e)[axis]));
+        let everywhere = extents.iter().all(|extent| extent.spread >= PI);
+        let cones = || Cones {
+            axis: vector(&|extent| extent.axis),
+            sin_spread: lanes(&|extent| extent.spread.sin()),
+            cos_spread: lanes(&|extent| extent.spread.cos()),
+            cos_reach: lanes(&|extent| extent.reach.cos()),
+        };
         Self {
-            center: extent.bounds.center(),
-            radius: 0.5 * extent.bounds.extent().norm(),
-            axis: extent.axis,
-            spread: extent.spread.sin_cos(),
-            cos_reach: extent.reach.cos(),
-            power: extent.power,
+            center: vector(&|extent| extent.bounds.center()),
+            radius: lanes(&|extent| 0.5 * extent.bounds.extent().norm()),
+            power: lanes(&|extent| extent.power),
+            cones: (!everywhere).then(|| Box::new(cones())),
+            children: [Child(LEAF); WIDTH],
         }
     }
 
-    /// An upper estimate, up to a constant factor, of the light that reaches `point`.
+    /// Upper estimates, up to a constant factor, of the light that reaches `place` from each child.
     #[inline(always)]
-    fn importance(&self, point: Vec3, normal: Option<Vec3>) -> f32 {
-        let way = point - self.center;
-        let distance2 = way.norm_squared().max(f32::MIN_POSITIVE);
-        let inverse = 1.0 / distance2.sqrt();
+    fn importance(&self, place: &Place) -> f32x4 {
+        let way: [f32x4; 3] = std::array::from_fn(|axis| self.center[axis] - place.point[axis]);
+        let distance2 = dot4(&way, &way).fast_max(f32x4::splat(f32::MIN_POSITIVE));
+        let inverse = f32x4::ONE / distance2.sqrt();
         // The angle under which the sphere around the box is seen is taken off every other angle.
         let sin_subtended = self.radius * inverse;
-        let least_angle = match self.spread.1 <= -1.0 || sin_subtended >= 1.0 {
-            true => 1.0, // its normals point everywhere, or it surrounds the point
-            false => {
-                let off_axis = with_sine((self.axis.dot(&way) * inverse).clamp(-1.0, 1.0));
-                let subtended = (sin_subtended, (1.0 - sin_subtended * sin_subtended).sqrt());
-                cos_difference(with_sine(cos_difference(off_axis, self.spread)), subtended)
-            }
-        };
-        if least_angle <= self.cos_reach {
-            return 0.0;
-        }
-        // cos(a − b) ≤ cos a + sin b: an estimate from above is as good here, and needs no root.
-        let facing = normal.map_or(1.0, |n| (n.dot(&way).abs() * inverse + sin_subtended).min(1.0));
         // The half diagonal as least distance keeps lights that surround the point finite.
-        self.power * least_angle.max(0.0) * facing / distance2.max(self.radius * self.radius)
+        let mut importance = self.power / distance2.fast_max(self.radius * self.radius);
+        if let Some(normal) = &place.normal {
+            // cos a + sin b is positive just where cos(a − b) is, and needs no root.
+            let facing = dot4(normal, &way) * inverse + sin_subtended;
+            importance *= facing.fast_max(f32x4::ZERO).fast_min(f32x4::ONE);
+        }
+        match &self.cones {
+            Some(cones) => importance * cones.least_cosine(&way, inverse, sin_subtended),
+            None => importance,
+        }
+    }
+}
+
+impl Cones {
+    /// Cosine of the least angle between a child's normals and the direction to the point; 0 where the
+    /// child does not shine there.
+    #[inline(always)]
+    fn least_cosine(&self, way: &[f32x4; 3], inverse: f32x4, sin_subtended: f32x4) -> f32x4 {
+        let off_axis =
+            with_sine((-dot4(&self.axis, way) * inverse).fast_max(-f32x4::ONE).fast_min(f32x4::ONE));
+        let (cos_subtended, _) = with_sine(sin_subtended); // the other leg of the same triangle
+        let off_normals = cos_difference(off_axis, (self.sin_spread, self.cos_spread));
+        let least = cos_difference(with_sine(off_normals), (sin_subtended, cos_subtended));
+        let surrounds = sin_subtended.simd_ge(f32x4::ONE) | self.cos_spread.simd_le(-f32x4::ONE);
+        let least = surrounds.select(f32x4::ONE, least);
+        least.simd_gt(self.cos_reach).select(least.fast_max(f32x4::ZERO), f32x4::ZERO)
     }
 }
 
