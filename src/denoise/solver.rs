@@ -115,7 +115,9 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn run(&mut self, window: &Window, kernel: Kernel) {
         let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
-        let scale = self.factorise(window, kernel, demodulation);
+        let scale = self.prepare(window, kernel, demodulation);
+        let arch = self.arch;
+        self.factorise(window, |columns, gram| gram::accumulate(arch, columns, gram));
         let Problem { basis, options, .. } = self.problem;
         let mut choice = std::mem::take(&mut self.choice);
         risk::choose(&self.evidence(window), basis, options.order_choice, &mut choice);
@@ -123,14 +125,20 @@ impl<'a> Solver<'a> {
         self.predict(window, scale, demodulation);
     }
 
-    /// All up to the factorisation; returns the factor that radiance was scaled by.
+    /// All up to the Gram matrices; returns the factor that radiance was scaled by.
     #[inline(always)]
-    fn factorise(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) -> f32 {
+    fn prepare(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) -> f32 {
         self.weigh(window, kernel, demodulation);
         self.gather(window, demodulation);
         let scale = self.scale_radiance(window);
         self.trust_samples(window, scale);
         self.condition(window);
+        scale
+    }
+
+    /// The Gram matrices by `accumulate`, and their factorisation.
+    #[inline(always)]
+    fn factorise(&mut self, window: &Window, accumulate: impl FnOnce(Columns<'_>, &mut Gram)) {
         let p = self.problem.basis.columns();
         let r = self.columns.len() / window.stride - p;
         let columns = Columns {
@@ -141,9 +149,8 @@ impl<'a> Solver<'a> {
             weights: &self.weights,
             weighted_noise: &self.weighted_noise,
         };
-        gram::accumulate(self.arch, columns, &mut self.gram);
+        accumulate(columns, &mut self.gram);
         self.factor.factorise(&self.gram, p, r);
-        scale
     }
 
     /// K_h of every pixel.

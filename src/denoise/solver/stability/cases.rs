@@ -14,6 +14,8 @@ pub struct Case {
     pub variance: Rgb,
     pub pilot: Rgb,
     pub features: Vec<Plane>,
+    /// Bound of ξ's deviation where it is not the usual one.
+    pub risk_bound: Option<f64>,
 }
 
 /// Independent numbers of zero mean and unit variance (uniform), one sequence per `seed`.
@@ -41,6 +43,7 @@ impl Case {
             variance: std::array::from_fn(|_| Plane::filled(size.0, size.1, SIGMA * SIGMA)),
             pilot: std::array::from_fn(truth),
             features: vec![],
+            risk_bound: None,
         };
         for (c, plane) in case.color.iter_mut().enumerate() {
             let noise = noise(size, 1 + c as u64);
@@ -55,6 +58,11 @@ impl Case {
 
     fn at(mut self, x: usize, y: usize) -> Self {
         self.center = (x, y);
+        self
+    }
+
+    fn bounded(mut self, risk_bound: f64) -> Self {
+        self.risk_bound = Some(risk_bound);
         self
     }
 
@@ -212,6 +220,7 @@ fn radiance() -> Vec<Case> {
             |_, _, _| 1.0,
             |x, y, _| if (x, y) == (13, 12) { 0.1 } else { 0.0 },
         )),
+        full(Case::new("no variance anywhere").with(same, same, zero)),
         full(
             Case::new("no variance at every other pixel")
                 .with(same, same, |x, y, v| if (x + y) % 2 == 0 { 0.0 } else { v }),
@@ -237,6 +246,15 @@ fn radiance() -> Vec<Case> {
             |x, _, v| if x < 15 { 1e-30 * v } else { 1e15 * v },
             |_, _, _| 1e30,
         )),
+        // As far apart as exposure leaves them: 2^90 is the most, of light and of variance. The window is one
+        // column of pixels and its noise nothing beside the light, so that ξ is what two sums leave of each
+        // other, each rounded to 1e-7 and divided by pivots down to 1e-3.
+        full(Case::new("radiance of 1e-33 and 1e27 side by side").with(
+            |x, _, v| if x < 15 { 1e-33 * v } else { 6e26 * v },
+            |x, _, v| if x < 15 { 1e-33 * v } else { 6e26 * v },
+            |_, _, _| 1e27,
+        ))
+        .bounded(1e-2),
         full(Case::new("half floats' largest value").with(
             |x, y, v| if draws.get(x, y) > 0.0 { 65504.0 } else { v },
             same,
