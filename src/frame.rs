@@ -267,6 +267,32 @@ pub struct Denoised {
     pub summary: Summary,
 }
 
+impl Denoised {
+    /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
+    #[must_use]
+    pub fn begin(&self, (width, height): (usize, usize)) -> Self {
+        let none = || Plane::filled(width, height, 0.0);
+        let rgb = || std::array::from_fn(|_| none());
+        let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: rgb() }).collect();
+        let summary = Summary { columns: self.summary.columns.clone(), ..Summary::default() };
+        let mut whole =
+            Self { color: rgb(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
+        whole.put(self, (0, 0));
+        whole
+    }
+
+    /// Puts the pixels of a part in place, the first of them `at` this column and row, and adds its counts.
+    pub fn put(&mut self, part: &Self, at: (usize, usize)) {
+        self.color.iter_mut().zip(&part.color).for_each(|(whole, part)| whole.put(part, at));
+        for (whole, part) in self.aovs.iter_mut().zip(&part.aovs) {
+            whole.color.iter_mut().zip(&part.color).for_each(|(whole, part)| whole.put(part, at));
+        }
+        self.mse.put(&part.mse, at);
+        self.order.put(&part.order, at);
+        self.summary.add(&part.summary);
+    }
+}
+
 /// Counts and decisions of one run, for the report.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Summary {
@@ -294,4 +320,25 @@ pub struct Summary {
     pub columns: Vec<String>,
     /// Things done without or left out, each with its reason.
     pub notes: Vec<String>,
+}
+
+impl Summary {
+    /// Adds the counts of a further part of the picture; notes that are there already are not repeated.
+    fn add(&mut self, part: &Self) {
+        self.method = part.method;
+        self.repaired_color += part.repaired_color;
+        self.negative_color += part.negative_color;
+        self.repaired_variance += part.repaired_variance;
+        self.repaired_features += part.repaired_features;
+        self.outliers += part.outliers;
+        self.energy_moved.iter_mut().zip(part.energy_moved).for_each(|(sum, energy)| *sum += energy);
+        self.centres += part.centres;
+        self.coverage_centres += part.coverage_centres;
+        self.orders.iter_mut().zip(part.orders).for_each(|(sum, count)| *sum += count);
+        for note in &part.notes {
+            if !self.notes.contains(note) {
+                self.notes.push(note.clone());
+            }
+        }
+    }
 }

@@ -150,6 +150,14 @@ impl Plane {
         Self { width: rect.width, height: rect.height, data }
     }
 
+    /// Copies `part` into the plane, its first pixel to column and row `at`; it must lie inside.
+    pub fn put(&mut self, part: &Self, at: (usize, usize)) {
+        for y in 0..part.height {
+            let start = (at.1 + y) * self.width + at.0;
+            self.data[start..start + part.width].copy_from_slice(part.row(y));
+        }
+    }
+
     /// The part under `rect`; no copy where that is the whole plane.
     #[must_use]
     pub fn into_part(self, rect: Rect) -> Self {

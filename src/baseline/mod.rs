@@ -21,7 +21,7 @@ mod patches;
 pub mod student;
 pub mod wavelet;
 
-use crate::denoise::{Observer, denoise_observed};
+use crate::denoise::{Facts, Observer, Part, denoise_observed, denoise_part};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::options::{Options, PrefilterOptions, replaced};
@@ -187,6 +187,29 @@ impl Denoiser {
                 denoised
             }),
         }
+    }
+}
+
+impl Denoiser {
+    /// Denoises a part of a picture, as [`denoise_part`](crate::denoise::denoise_part) does it.
+    ///
+    /// # Errors
+    /// When an option is out of its range, the frame is not of the part's size, or the method is not the
+    /// pipeline and needs the whole picture.
+    pub fn denoise_part(
+        &self,
+        frame: &Frame,
+        part: &Part,
+        facts: &Facts,
+        observer: &dyn Observer,
+    ) -> Result<Denoised> {
+        let Some(options) = self.pipeline() else {
+            let what = format!("the method {} needs the whole picture", self.method().name());
+            return Err(Error::new(ErrorKind::Usage, what));
+        };
+        let mut denoised = denoise_part(frame, part, facts, options, observer)?;
+        denoised.summary.method = self.method().name();
+        Ok(denoised)
     }
 }
 

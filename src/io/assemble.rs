@@ -7,6 +7,7 @@ use super::channels::{Flow, Role, Statistic, VarianceKind};
 use super::layers::Channel;
 use super::mapping::Target;
 use super::roles::Choice;
+use super::statistics::Statistics;
 use super::variance::{Samples, to_variance_of_mean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Aov, Feature, Frame, Motion};
@@ -81,18 +82,22 @@ pub(super) struct Given {
     pub(super) spp: Option<f32>,
 }
 
-/// Builds the frame. `choices` begin with the colour, each feature's mean stands before its statistics.
+/// Builds the frame of a picture, or of a part of one whose channels have these `statistics` as a whole.
+/// `choices` begin with the colour, each feature's mean stands before its companions.
 ///
 /// # Errors
 /// `Lacking` when the colour does not have one or three channels.
 pub(super) fn assemble(
     choices: &[Choice],
     mut planes: Planes,
+    statistics: &BTreeMap<Channel, Statistics>,
     given: Given,
     remarks: &mut Remarks,
 ) -> Result<Frame> {
     let counts = choices.iter().find(|choice| choice.target.role == Role::SampleCount);
-    let counts = counts.and_then(|choice| planes.take(choice).into_iter().next());
+    let counts = counts.and_then(|choice| {
+        Some((planes.take(choice).into_iter().next()?, &statistics[choice.channels.first()?]))
+    });
     let samples = Samples::new(given.spp, counts);
 
     let color = planes.group(choices, Role::Color, "").settle("color", given.kind, &samples, remarks);
@@ -103,13 +108,14 @@ pub(super) fn assemble(
     if let Some([a, b]) = color.halves {
         frame = frame.with_halves([rgb(a)?, rgb(b)?])?;
     }
-    for Target { role, feature: name, statistic } in choices.iter().map(|choice| &choice.target) {
+    for Choice { target: Target { role, feature: name, statistic }, channels } in choices {
         let (Role::Feature(kind), Statistic::Mean) = (*role, statistic) else { continue };
         let settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks);
         let mut feature = Feature::new(name.clone(), kind, settled.mean);
         feature.var_of_mean = settled.variance;
         feature.halves = settled.halves;
-        remarks.notes.extend(bounds::bound_feature(&mut feature));
+        let statistics: Vec<Statistics> = channels.iter().map(|channel| statistics[channel]).collect();
+        bounds::bound(&mut feature, &statistics);
         frame = frame.with_feature(feature)?;
     }
     for choice in choices.iter().filter(|choice| choice.target.role == Role::Aov) {

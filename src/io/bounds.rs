@@ -7,92 +7,120 @@
 //! in Cycles, metals in Mitsuba, up to 56 in a fixture of ours) are no reflectance and are cut to 1.
 //! Zeros are bounded and stay, and NaN is left for the denoiser to repair and count.
 
+use super::statistics::Statistics;
 use crate::frame::{Feature, FeatureKind};
 use crate::image::Plane;
 
 /// Brings values that a feature of its kind cannot have into range, as [`Picture`](super::Picture) does with
 /// what it reads; for frames that come from elsewhere. Returns what was done, where anything was.
 pub fn bound_feature(feature: &mut Feature) -> Option<String> {
-    type Bound = fn(&mut Plane, Option<&mut Plane>) -> usize;
-    let (bound, what): (Bound, _) = match feature.kind {
-        FeatureKind::Depth | FeatureKind::Position => {
-            (bound_misses, "values beyond any surface (misses) were moved to the end of the range")
+    let statistics: Vec<Statistics> = feature.planes.iter().map(Statistics::of).collect();
+    bound(feature, &statistics);
+    told(&feature.name, feature.kind, &statistics)
+}
+
+/// Brings a feature into range, a part of a picture whose planes have these `statistics`.
+pub(super) fn bound(feature: &mut Feature, statistics: &[Statistics]) {
+    for (c, statistics) in statistics.iter().enumerate() {
+        let variance = feature.var_of_mean.as_mut().map(|variance| &mut variance[c]);
+        let halves = feature.halves.iter_mut().flatten().map(|half| &mut half[c]);
+        match feature.kind {
+            FeatureKind::Depth | FeatureKind::Position => {
+                bound_misses(&mut feature.planes[c], variance, statistics);
+                halves.for_each(|half| bound_misses(half, None, statistics));
+            }
+            FeatureKind::Albedo => {
+                cut_albedo(&mut feature.planes[c], variance);
+                halves.for_each(|half| cut_albedo(half, None));
+            }
+            _ => {}
         }
-        FeatureKind::Albedo => (cut_albedo, "values above 1 are no reflectance and were cut to 1"),
+    }
+}
+
+/// What bounding a feature of these statistics does to it, where anything.
+pub(super) fn told(name: &str, kind: FeatureKind, statistics: &[Statistics]) -> Option<String> {
+    type Count = fn(&Statistics) -> usize;
+    let (count, what): (Count, _) = match kind {
+        FeatureKind::Depth | FeatureKind::Position => {
+            (|of| of.misses, "values beyond any surface (misses) were moved to the end of the range")
+        }
+        FeatureKind::Albedo => (|of| of.above_one, "values above 1 are no reflectance and were cut to 1"),
         _ => return None,
     };
-    let mut count = 0;
-    for (c, plane) in feature.planes.iter_mut().enumerate() {
-        count += bound(plane, feature.var_of_mean.as_mut().map(|variance| &mut variance[c]));
-    }
-    for plane in feature.halves.iter_mut().flatten().flatten() {
-        bound(plane, None);
-    }
-    (count > 0).then(|| format!("{}: {count} {what}", feature.name))
+    let count: usize = statistics.iter().map(count).sum();
+    (count > 0).then(|| format!("{name}: {count} {what}"))
 }
 
 /// Beyond this no surface lies: in millimetres it is a thousand kilometres.
-const NO_SURFACE: f32 = 1e9;
+pub(super) const NO_SURFACE: f32 = 1e9;
 
-/// Bounds the misses of a depth or position plane and returns how many there were. Means of hits and
-/// misses, as at silhouettes in Cycles, are beyond reason as well. Where a miss was, `variance` says
-/// nothing about the new value and becomes 0.
-fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>) -> usize {
+/// Bounds the misses of a depth or position plane to the range of what was seen. Means of hits and misses,
+/// as at silhouettes in Cycles, are beyond reason as well. Where a miss was, `variance` says nothing about
+/// the new value and becomes 0.
+fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>, statistics: &Statistics) {
     let is_miss = |v: f32| v.abs() >= NO_SURFACE;
-    let seen = plane.data().iter().filter(|v| v.abs() < NO_SURFACE);
-    let (low, high) = seen.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
-    let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
+    let (low, high) = statistics.seen().unwrap_or((0.0, 0.0));
     if let Some(variance) = variance {
         let at_misses = variance.data_mut().iter_mut().zip(plane.data()).filter(|(_, v)| is_miss(**v));
         at_misses.for_each(|(variance, _)| *variance = 0.0);
     }
-    let mut misses = 0;
     for value in plane.data_mut().iter_mut().filter(|value| is_miss(**value)) {
         *value = if *value < 0.0 { low } else { high };
-        misses += 1;
     }
-    misses
 }
 
 /// The largest variance of anything between 0 and 1.
 const MOST_VARIANCE: f32 = 0.25;
 
-/// Cuts an albedo to 1 and returns how many values were above.
-fn cut_albedo(plane: &mut Plane, mut variance: Option<&mut Plane>) -> usize {
-    let mut cut = 0;
+/// Cuts an albedo to 1.
+fn cut_albedo(plane: &mut Plane, mut variance: Option<&mut Plane>) {
     for (i, value) in plane.data_mut().iter_mut().enumerate().filter(|(_, value)| **value > 1.0) {
         *value = 1.0;
-        cut += 1;
         if let Some(variance) = variance.as_mut().map(|plane| &mut plane.data_mut()[i]) {
             *variance = variance.min(MOST_VARIANCE);
         }
     }
-    cut
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn feature(kind: FeatureKind, plane: Plane, variance: Plane) -> Feature {
+        let mut feature = Feature::new("f", kind, vec![plane]);
+        feature.var_of_mean = Some(vec![variance]);
+        feature
+    }
+
+    fn planes(feature: Feature) -> [Plane; 2] {
+        [feature.planes[0].clone(), feature.var_of_mean.unwrap().remove(0)]
+    }
+
     #[test]
     fn misses_go_to_the_end_of_the_range_and_nan_stays() {
         let values = vec![4.0, 1e10, f32::INFINITY, -2.0, f32::NEG_INFINITY, f32::NAN, 0.0];
-        let mut plane = Plane::from_vec(7, 1, values).unwrap();
-        let mut variance = Plane::filled(7, 1, 9.0);
-        assert_eq!(bound_misses(&mut plane, Some(&mut variance)), 3);
+        let plane = Plane::from_vec(7, 1, values).unwrap();
+        let mut depth = feature(FeatureKind::Depth, plane, Plane::filled(7, 1, 9.0));
+        let told = bound_feature(&mut depth).unwrap();
+        assert!(told.starts_with("f: 3 values beyond any surface"), "{told}");
+        let [plane, variance] = &planes(depth);
         assert_eq!(variance.data(), &[9.0, 0.0, 0.0, 9.0, 0.0, 9.0, 9.0]);
         assert_eq!(&plane.data()[..5], &[4.0, 4.0, 4.0, -2.0, -2.0]);
         assert!(plane.data()[5].is_nan());
-        let mut empty_sky = Plane::filled(3, 2, 1e10);
-        assert_eq!(bound_misses(&mut empty_sky, None), 6);
-        assert_eq!(empty_sky, Plane::filled(3, 2, 0.0));
+        let sky = || Plane::filled(3, 2, 1e10);
+        let mut empty_sky = feature(FeatureKind::Depth, sky(), sky());
+        assert!(bound_feature(&mut empty_sky).unwrap().starts_with("f: 6 "));
+        assert_eq!(planes(empty_sky)[0], Plane::filled(3, 2, 0.0));
     }
 
     #[test]
     fn albedos_are_cut_to_one_with_their_variance() {
-        let mut albedo = Plane::from_vec(3, 1, vec![0.5, 56.0, f32::NAN]).unwrap();
-        let mut variance = Plane::from_vec(3, 1, vec![7.0, 9.0, 8.0]).unwrap();
-        assert_eq!(cut_albedo(&mut albedo, Some(&mut variance)), 1);
+        let albedo = Plane::from_vec(3, 1, vec![0.5, 56.0, f32::NAN]).unwrap();
+        let variance = Plane::from_vec(3, 1, vec![7.0, 9.0, 8.0]).unwrap();
+        let mut albedo = feature(FeatureKind::Albedo, albedo, variance);
+        assert!(bound_feature(&mut albedo).unwrap().starts_with("f: 1 values above 1"));
+        let [albedo, variance] = &planes(albedo);
         assert_eq!(albedo.data()[..2], [0.5, 1.0]);
         assert_eq!(variance.data(), [7.0, 0.25, 8.0]);
     }

@@ -13,7 +13,6 @@ use super::mapping::Target;
 use super::roles::{Candidate, Cast, Casting, Choice};
 use super::sums::{Deviation, SUM_TOLERANCE};
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::Plane;
 
 /// The name that asks for the sets of the table.
 const AUTO: &str = "auto";
@@ -192,8 +191,15 @@ impl Asked {
     }
 
     /// Adds the components to the `cast`, less those that turned out to play another role, and returns
-    /// what ought to sum.
-    pub(super) fn settle<'p>(self, cast: &mut Cast, plane: impl Fn(Channel) -> &'p Plane) -> Vec<Sum> {
+    /// what ought to sum. `deviation` tells how far the sum of pictures is from another one.
+    ///
+    /// # Errors
+    /// What `deviation` fails with.
+    pub(super) fn settle(
+        self,
+        cast: &mut Cast,
+        deviation: impl Fn([Channel; 3], &[[Channel; 3]]) -> Result<Deviation>,
+    ) -> Result<Vec<Sum>> {
         let color: Vec<Channel> = cast.choices[0].channels.clone();
         let used: BTreeSet<Channel> =
             cast.choices.iter().flat_map(|choice| choice.channels.clone()).collect();
@@ -202,10 +208,9 @@ impl Asked {
         let mut sets = self.sets;
         if by_number {
             let components: Vec<Component> = self.further.into_iter().filter(free).collect();
-            let rgb = |channels: &[Channel]| [0, 1, 2].map(|c| plane(channels[c % channels.len()]));
+            let rgb = |channels: &[Channel]| [0, 1, 2].map(|c| channels[c % channels.len()]);
             let addends: Vec<_> = components.iter().map(|component| rgb(&component.channels)).collect();
-            let deviation = Deviation::of_planes(rgb(&color), &addends);
-            if !components.is_empty() && deviation.relative_rms < SUM_TOLERANCE {
+            if !components.is_empty() && deviation(rgb(&color), &addends)?.relative_rms < SUM_TOLERANCE {
                 let addends = (0..components.len()).collect();
                 sets.push(Set { name: "layers that sum to the beauty", components, addends });
             }
@@ -231,7 +236,7 @@ impl Asked {
             target: Target { role: Role::Aov, feature: component.name, statistic: Statistic::Mean },
             channels: component.channels,
         }));
-        sums
+        Ok(sums)
     }
 }
 

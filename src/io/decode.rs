@@ -19,7 +19,7 @@ pub(super) struct ChannelAt {
 }
 
 /// Reads the `wanted` channels under `window` (in the file's pixel coordinates), in their order.
-/// Where a part does not reach the window its planes are 0.
+/// Where a part does not reach the window its planes are 0. Only blocks with such pixels are decoded.
 ///
 /// # Errors
 /// `Unreadable` when the file is damaged.
@@ -48,7 +48,7 @@ pub(super) fn read_planes(
             fills,
             shift: shift.map(|(part, window)| i64::from(part) - i64::from(window)),
         };
-        document.for_each_block(part, |blocks| {
+        document.for_each_block(part, Some(window), |blocks| {
             let planes = planes.get_or_insert_with(black);
             blocks.iter().for_each(|(_, block)| placement.copy(block, planes));
             Ok(())

@@ -4,14 +4,14 @@
 //! and everything else goes from the input to the output block by block in [`super::rewrite`].
 
 use std::fs::File;
-use std::io::{BufReader, Seek, SeekFrom};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use exr::block::UncompressedBlock;
 use exr::block::chunk::{Chunk, TileCoordinates};
 use exr::io::PeekRead;
-use exr::meta::attribute::LineOrder;
+use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData, OffsetTables};
 use rayon::prelude::*;
@@ -82,17 +82,23 @@ impl Document {
         self.meta.headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string)
     }
 
-    /// Hands all blocks of a part to `take`, in its line order, each with its index in increasing rows.
+    /// Hands the blocks of a part that have pixels under `window` (all of them where there is none) to
+    /// `take`, in its line order, each with its index in increasing rows.
     ///
     /// # Errors
     /// `Unreadable` when a block is missing or damaged; and what `take` fails with.
     pub(super) fn for_each_block(
         &self,
         part: usize,
+        window: Option<IntegerBounds>,
         mut take: impl FnMut(Vec<(usize, UncompressedBlock)>) -> Result<()>,
     ) -> Result<()> {
         let block_bytes = self.meta.headers[part].max_block_byte_size().max(1);
-        self.for_each_batch(part, (BATCH_BYTES / block_bytes).max(1), |chunks| {
+        let header = &self.meta.headers[part];
+        let wanted =
+            |index: &usize| window.is_none_or(|window| overlap(block_bounds(header, *index), window));
+        let indices = (0..self.offsets[part].len()).filter(wanted).collect();
+        self.for_each_batch(part, indices, (BATCH_BYTES / block_bytes).max(1), |chunks| {
             let decompress = |(index, chunk)| Ok((index, self.decompress(chunk)?));
             let blocks: Result<Vec<_>> = chunks.into_par_iter().map(decompress).collect();
             take(blocks.map_err(|error| self.place(part, error))?)
@@ -108,20 +114,55 @@ impl Document {
         part: usize,
         mut take: impl FnMut(usize, Chunk) -> Result<()>,
     ) -> Result<()> {
-        self.for_each_batch(part, 1, |chunks| {
+        self.for_each_chunk_of(part, (0..self.offsets[part].len()).collect(), &mut take)
+    }
+
+    /// The same for the chunks of these indices, which increase.
+    ///
+    /// # Errors
+    /// As [`Self::for_each_block`].
+    pub(super) fn for_each_chunk_of(
+        &self,
+        part: usize,
+        indices: Vec<usize>,
+        mut take: impl FnMut(usize, Chunk) -> Result<()>,
+    ) -> Result<()> {
+        self.for_each_batch(part, indices, 1, |chunks| {
             chunks.into_iter().try_for_each(|(index, chunk)| take(index, chunk))
         })
+    }
+
+    /// A number that stands for the file's content: other content, another number, but for rare chance
+    /// (FNV-1a, 64 bits).
+    ///
+    /// # Errors
+    /// `Unreadable` when the file cannot be read.
+    pub(super) fn fingerprint(&self) -> Result<u64> {
+        const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
+        const PRIME: u64 = 0x0100_0000_01b3;
+        let unreadable = |error: std::io::Error| io_error(&error).in_file(&self.path);
+        let mut reader = BufReader::with_capacity(1 << 20, File::open(&self.path).map_err(unreadable)?);
+        let mut hash = OFFSET;
+        loop {
+            let bytes = reader.fill_buf().map_err(unreadable)?;
+            if bytes.is_empty() {
+                return Ok(hash);
+            }
+            hash = bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(PRIME));
+            let read = bytes.len();
+            reader.consume(read);
+        }
     }
 
     fn for_each_batch(
         &self,
         part: usize,
+        mut order: Vec<usize>,
         batch: usize,
         mut take: impl FnMut(Vec<(usize, Chunk)>) -> Result<()>,
     ) -> Result<()> {
         let file = File::open(&self.path).map_err(|error| self.place(part, io_error(&error)))?;
         let mut reader = BufReader::new(file);
-        let mut order: Vec<usize> = (0..self.offsets[part].len()).collect();
         if self.meta.headers[part].line_order == LineOrder::Decreasing {
             order.reverse();
         }
@@ -162,6 +203,21 @@ impl Document {
             UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|error| exr_error(&error))
         })
     }
+}
+
+/// Where a part's `index`th block in increasing rows lies, in the file's pixel coordinates.
+pub(super) fn block_bounds(header: &Header, index: usize) -> IntegerBounds {
+    let place = header.get_block_data_window_pixel_coordinates(block_coordinates(header, index));
+    place.expect("the index is one of the part's")
+}
+
+/// Whether two rectangles have pixels in common.
+fn overlap(a: IntegerBounds, b: IntegerBounds) -> bool {
+    let along = |a: i32, a_size: usize, b: i32, b_size: usize| {
+        i64::from(a) < i64::from(b) + b_size as i64 && i64::from(b) < i64::from(a) + a_size as i64
+    };
+    along(a.position.x(), a.size.width(), b.position.x(), b.size.width())
+        && along(a.position.y(), a.size.height(), b.position.y(), b.size.height())
 }
 
 /// The coordinates of a part's `index`th block in increasing rows.

@@ -21,46 +21,74 @@ const NEARLY_UNIT: f32 = 0.9;
 const RGB_TO_XYZ: [[f32; 3]; 3] =
     [[0.412_453, 0.357_58, 0.180_423], [0.212_671, 0.715_16, 0.072_169], [0.019_334, 0.119_193, 0.950_227]];
 
-/// Whether `planes` look as a row of the channel map asks, given the colour.
-pub(super) fn holds(evidence: Evidence, planes: &[&Plane], color: &[&Plane]) -> bool {
-    let comparable = planes.len() == 3 && color.len() == 3;
-    match evidence {
-        Evidence::Name => true,
-        Evidence::EqualsColor => comparable && agrees(planes, |c, i| color[c].data()[i]),
-        Evidence::EqualsColorInXyz => {
-            let xyz = |c: usize, i: usize| (0..3).map(|k| RGB_TO_XYZ[c][k] * color[k].data()[i]).sum();
-            comparable && agrees(planes, xyz)
-        }
-        Evidence::UnitVectors => are_unit_vectors(planes),
-        Evidence::UnitRange => planes.iter().all(|plane| {
-            let inside = |v: &&f32| (-OVERSHOOT..=1.0 + OVERSHOOT).contains(*v);
-            plane.data().iter().filter(inside).count() as f32 >= MOST_ALBEDOS * plane.data().len() as f32
-        }),
-    }
+/// What was seen of some planes so far. Whole counts, so that the rows may come in any portions.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    pixels: usize,
+    /// Pixels that agree with the colour.
+    agreeing: usize,
+    /// Vectors that are not 0, and of those the long ones.
+    hits: usize,
+    nearly_unit: usize,
+    /// A vector is longer than 1, or no number.
+    too_long: bool,
+    /// For each plane how many values are between 0 and 1, or nearly.
+    in_range: Vec<usize>,
 }
 
-fn agrees(planes: &[&Plane], expected: impl Fn(usize, usize) -> f32) -> bool {
-    let count = planes[0].data().len();
-    let close = |i: usize| {
-        planes.iter().enumerate().all(|(c, plane)| {
-            let (got, wanted) = (plane.data()[i], expected(c, i));
-            (got - wanted).abs() <= CLOSE * wanted.abs() + SMALL
-        })
-    };
-    (0..count).filter(|&i| close(i)).count() as f32 >= MOST * count as f32
-}
-
-fn are_unit_vectors(planes: &[&Plane]) -> bool {
-    let (mut hits, mut unit) = (0, 0);
-    for i in 0..planes[0].data().len() {
-        let length = planes.iter().map(|plane| plane.data()[i].powi(2)).sum::<f32>().sqrt();
-        if length.is_nan() || length > 1.0 + OVERSHOOT {
-            return false;
+impl Tally {
+    /// Adds rows of `planes` and the same rows of the colour.
+    pub(super) fn add(&mut self, evidence: Evidence, planes: &[&Plane], color: &[&Plane]) {
+        self.pixels += planes[0].data().len();
+        let comparable = planes.len() == 3 && color.len() == 3;
+        match evidence {
+            Evidence::EqualsColor if comparable => self.compare(planes, |c, i| color[c].data()[i]),
+            Evidence::EqualsColorInXyz if comparable => {
+                self.compare(planes, |c, i| (0..3).map(|k| RGB_TO_XYZ[c][k] * color[k].data()[i]).sum())
+            }
+            Evidence::Name | Evidence::EqualsColor | Evidence::EqualsColorInXyz => {}
+            Evidence::UnitVectors => self.measure(planes),
+            Evidence::UnitRange => {
+                self.in_range.resize(planes.len(), 0);
+                let inside = |v: &&f32| (-OVERSHOOT..=1.0 + OVERSHOOT).contains(*v);
+                for (count, plane) in self.in_range.iter_mut().zip(planes) {
+                    *count += plane.data().iter().filter(inside).count();
+                }
+            }
         }
-        hits += usize::from(length > 0.0);
-        unit += usize::from(length > NEARLY_UNIT);
     }
-    unit > 0 && 2 * unit >= hits
+
+    /// Whether what was added looks as a row of the channel map asks.
+    pub(super) fn holds(&self, evidence: Evidence) -> bool {
+        let most = |count: usize, share: f32| count as f32 >= share * self.pixels as f32;
+        match evidence {
+            Evidence::Name => true,
+            Evidence::EqualsColor | Evidence::EqualsColorInXyz => most(self.agreeing, MOST),
+            Evidence::UnitVectors => {
+                !self.too_long && self.nearly_unit > 0 && 2 * self.nearly_unit >= self.hits
+            }
+            Evidence::UnitRange => self.in_range.iter().all(|&count| most(count, MOST_ALBEDOS)),
+        }
+    }
+
+    fn compare(&mut self, planes: &[&Plane], expected: impl Fn(usize, usize) -> f32) {
+        let close = |i: usize| {
+            planes.iter().enumerate().all(|(c, plane)| {
+                let (got, wanted) = (plane.data()[i], expected(c, i));
+                (got - wanted).abs() <= CLOSE * wanted.abs() + SMALL
+            })
+        };
+        self.agreeing += (0..planes[0].data().len()).filter(|&i| close(i)).count();
+    }
+
+    fn measure(&mut self, planes: &[&Plane]) {
+        for i in 0..planes[0].data().len() {
+            let length = planes.iter().map(|plane| plane.data()[i].powi(2)).sum::<f32>().sqrt();
+            self.too_long |= length.is_nan() || length > 1.0 + OVERSHOOT;
+            self.hits += usize::from(length > 0.0);
+            self.nearly_unit += usize::from(length > NEARLY_UNIT);
+        }
+    }
 }
 
 #[cfg(test)]
@@ -72,7 +100,9 @@ mod tests {
     }
 
     fn shows(evidence: Evidence, planes: &[Plane; 3], color: &[Plane; 3]) -> bool {
-        holds(evidence, &planes.each_ref().map(|p| p), &color.each_ref().map(|p| p))
+        let mut tally = Tally::default();
+        tally.add(evidence, &planes.each_ref(), &color.each_ref());
+        tally.holds(evidence)
     }
 
     #[test]

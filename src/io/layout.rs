@@ -4,10 +4,11 @@ use serde::Serialize;
 
 use super::channels::{Renderer, Role, Statistic, VarianceKind};
 use super::document::Document;
+use super::mapping::FLOWS;
 use super::roles::Choice;
+use super::statistics::Statistics;
 use super::sums::SumCheck;
 use crate::frame::Frame;
-use crate::image::Plane;
 
 /// What was found, and what it means for the denoiser.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -148,18 +149,24 @@ impl FileLayout {
 }
 
 impl RoleLayout {
-    pub(super) fn new<'p>(
+    /// Whether it is a feature's.
+    pub fn is_feature(&self) -> bool {
+        let other = ["color", "aov", "sampleCount"].contains(&self.role.as_str());
+        !other && FLOWS.iter().all(|(name, _)| *name != self.role)
+    }
+
+    pub(super) fn new<'s>(
         choice: &Choice,
         channels: Vec<String>,
-        planes: impl Iterator<Item = &'p Plane>,
+        statistics: impl Iterator<Item = &'s Statistics>,
     ) -> Self {
-        let (mut min, mut max, mut non_finite) = (f32::INFINITY, f32::NEG_INFINITY, 0);
-        for &value in planes.flat_map(Plane::data) {
-            if value.is_finite() {
-                (min, max) = (min.min(value), max.max(value));
-            } else {
-                non_finite += 1;
-            }
+        let (mut range, mut non_finite) = (None::<(f32, f32)>, 0);
+        for of in statistics {
+            non_finite += of.non_finite;
+            range = match (range, of.range()) {
+                (Some((a, b)), Some((low, high))) => Some((a.min(low), b.max(high))),
+                (known, new) => known.or(new),
+            };
         }
         let target = &choice.target;
         Self {
@@ -182,8 +189,8 @@ impl RoleLayout {
             }
             .to_owned(),
             channels,
-            min: (min <= max).then_some(min),
-            max: (min <= max).then_some(max),
+            min: range.map(|(min, _)| min),
+            max: range.map(|(_, max)| max),
             non_finite,
         }
     }

@@ -10,9 +10,9 @@ use std::path::Path;
 use exr::block::lines::LineIndex;
 use exr::block::writer::ChunksWriter;
 use exr::block::{BlockIndex, UncompressedBlock};
-use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, ChannelList, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
+use exr::meta::{BlockDescription, Headers};
 use exr::prelude::{Compression, Vec2};
 use half::f16;
 
@@ -37,21 +37,65 @@ pub(super) struct Addition<'a> {
 
 /// Where the samples of a channel of the output come from.
 #[derive(Clone, Copy)]
-enum Source<'a> {
+pub(super) enum Source<'a> {
     /// The input's channel of this index.
     Input(usize),
     Plane(&'a Plane),
 }
 
 /// What is written for a part with new channels.
-struct NewPart<'a> {
-    header: Header,
+pub(super) struct NewPart<'a> {
+    pub(super) header: Header,
     /// For each channel of `header`.
-    sources: Vec<Source<'a>>,
+    pub(super) sources: Vec<Source<'a>>,
 }
 
 /// The attribute that says what a result was made by.
 const SIGNATURE: &str = "apr.settings";
+
+/// What becomes of every part of a file.
+pub(super) struct Plan<'a> {
+    /// The parts with new channels; the others are copied.
+    pub(super) new: Vec<Option<NewPart<'a>>>,
+    /// Of the file with the new channels.
+    pub(super) headers: Headers,
+    /// What the user should know.
+    pub(super) notes: Vec<String>,
+}
+
+impl<'a> Plan<'a> {
+    /// For `document` with the `replacements`; the `additions` and the signature go to the first
+    /// replacement's part.
+    pub(super) fn new(
+        document: &Document,
+        replacements: &[Replacement<'a>],
+        additions: &[Addition<'a>],
+        signature: Option<&str>,
+    ) -> Self {
+        let beauty = replacements.first().map_or(0, |replacement| replacement.at.part);
+        let mut notes = Vec::new();
+        if document.is_irregular() {
+            notes.push(
+                "the input's header is irregular: a malformed attribute is missing in the output".to_owned(),
+            );
+        }
+        let mut new: Vec<Option<NewPart>> = Vec::new();
+        for (part, header) in document.headers().iter().enumerate() {
+            let here: Vec<&Replacement> = replacements.iter().filter(|new| new.at.part == part).collect();
+            let additions = if part == beauty { additions } else { &[] };
+            let changes = !here.is_empty() || !additions.is_empty();
+            new.push(changes.then(|| NewPart::plan(header, &here, additions, &mut notes)));
+        }
+        let kept = document.headers().iter().zip(&new);
+        let mut headers: Headers =
+            kept.map(|(header, new)| new.as_ref().map_or(header, |new| &new.header).clone()).collect();
+        if let Some(signature) = signature.and_then(Text::new_or_none) {
+            let attributes = &mut headers[beauty].own_attributes.other;
+            attributes.insert(Text::from(SIGNATURE), AttributeValue::Text(signature));
+        }
+        Self { new, headers, notes }
+    }
+}
 
 /// Writes `document` to `target` with the `replacements`, whose planes have their parts' size, and the
 /// `additions` and the signature to the first replacement's part. Returns what the user should know.
@@ -66,35 +110,12 @@ pub(super) fn rewrite(
     additions: &[Addition],
     signature: Option<&str>,
 ) -> Result<Vec<String>> {
-    let beauty = replacements.first().map_or(0, |replacement| replacement.at.part);
-    let mut notes = Vec::new();
-    if document.is_irregular() {
-        notes.push(
-            "the input's header is irregular: a malformed attribute is missing in the output".to_owned(),
-        );
-    }
-    let mut new: Vec<Option<NewPart>> = Vec::new();
-    for (part, header) in document.headers().iter().enumerate() {
-        let here: Vec<&Replacement> = replacements.iter().filter(|new| new.at.part == part).collect();
-        let additions = if part == beauty { additions } else { &[] };
-        let changes = !here.is_empty() || !additions.is_empty();
-        new.push(changes.then(|| NewPart::plan(header, &here, additions, &mut notes)));
-    }
-    let mut headers: exr::meta::Headers = document
-        .headers()
-        .iter()
-        .zip(&new)
-        .map(|(header, new)| new.as_ref().map_or(header, |new| &new.header).clone())
-        .collect();
-    if let Some(signature) = signature.and_then(Text::new_or_none) {
-        let attributes = &mut headers[beauty].own_attributes.other;
-        attributes.insert(Text::from(SIGNATURE), AttributeValue::Text(signature));
-    }
+    let Plan { new, headers, notes } = Plan::new(document, replacements, additions, signature);
     write_picture_atomically(target, |file| {
         exr::block::write(file, headers, false, |meta, writer| {
             for (part, new) in new.iter().enumerate() {
                 let written = if let Some(new) = new {
-                    document.for_each_block(part, |blocks| {
+                    document.for_each_block(part, None, |blocks| {
                         let input = &document.headers()[part];
                         let blocks =
                             blocks.iter().flat_map(|(index, block)| new.blocks(input, *index, block));
@@ -209,7 +230,7 @@ fn compression(input: Compression, channels: &[(ChannelDescription, Source)]) ->
 }
 
 /// Stores samples as the channel's type: the nearest finite half, or the nearest whole number.
-fn store(samples: &[f32], kind: SampleType, target: &mut [u8]) {
+pub(super) fn store(samples: &[f32], kind: SampleType, target: &mut [u8]) {
     match kind {
         SampleType::F16 => {
             let (low, high) = (f16::MIN.to_f32(), f16::MAX.to_f32());

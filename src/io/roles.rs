@@ -10,11 +10,10 @@ use super::channels::{
     companion_names, match_layer,
 };
 use super::components::Component;
-use super::evidence;
+use super::evidence::Tally;
 use super::layers::{Channel, Layer};
 use super::mapping::{FEATURES, Target};
 use crate::frame::FeatureKind;
-use crate::image::Plane;
 
 /// Channels with a role.
 #[derive(Debug, Clone, PartialEq)]
@@ -28,11 +27,18 @@ pub(super) struct Choice {
 pub(super) struct Candidate {
     pub(super) mean: Choice,
     pub(super) companions: Vec<Choice>,
-    evidence: Evidence,
+    pub(super) evidence: Evidence,
     /// The layer its channels are in.
     layer: usize,
     /// The layers around it, where the row leaves them open.
     around: String,
+}
+
+impl Candidate {
+    /// Whether no numbers are needed to know what it is.
+    pub(super) fn is_told_by_name(&self) -> bool {
+        self.evidence == Evidence::Name
+    }
 }
 
 /// The layers, and the tables that are held against them.
@@ -274,24 +280,18 @@ pub(super) struct Cast {
     pub(super) notes: Vec<String>,
 }
 
-/// Decides which candidates play, given the planes of any channels.
-pub(super) fn settle<'p>(
-    color: &Candidate,
-    candidates: &[Candidate],
-    plane: impl Fn(Channel) -> &'p Plane,
-) -> Cast {
-    let planes = |choice: &Choice| choice.channels.iter().map(|&c| plane(c)).collect::<Vec<_>>();
-    let shown = planes(&color.mean);
+/// Decides which candidates play, given for each what was seen of its planes.
+pub(super) fn settle(color: &Candidate, candidates: &[Candidate], seen: &[Tally]) -> Cast {
     let mut cast = Cast { choices: vec![color.mean.clone()], notes: Vec::new() };
     let mut used: BTreeSet<Channel> = color.mean.channels.iter().copied().collect();
     cast.choices.extend(color.companions.iter().cloned());
-    for candidate in candidates {
+    for (candidate, seen) in candidates.iter().zip(seen) {
         let target = &candidate.mean.target;
         let taken =
             cast.choices.iter().any(|c| c.target.role == target.role && c.target.feature == target.feature);
         if taken
             || candidate.mean.channels.iter().any(|channel| used.contains(channel))
-            || !evidence::holds(candidate.evidence, &planes(&candidate.mean), &shown)
+            || !seen.holds(candidate.evidence)
         {
             continue;
         }

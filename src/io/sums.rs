@@ -32,31 +32,54 @@ pub struct SumCheck {
     pub after: Option<Deviation>,
 }
 
+/// The differences of sums of pictures from the picture that they ought to be, so far. Summed row by row,
+/// so that it does not depend on how many rows are added at once.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Differences {
+    largest: f64,
+    error: f64,
+    energy: f64,
+    not_finite: usize,
+}
+
+impl Differences {
+    /// Adds the next rows of `total` and of what ought to sum to it.
+    pub(super) fn add(&mut self, total: [&Plane; 3], addends: &[[&Plane; 3]]) {
+        for y in 0..total[0].height() {
+            let (mut error, mut energy) = (0.0, 0.0);
+            for (c, plane) in total.iter().enumerate() {
+                for (x, &value) in plane.row(y).iter().enumerate() {
+                    let value = f64::from(value);
+                    let sum: f64 = addends.iter().map(|addend| f64::from(addend[c].get(x, y))).sum();
+                    let difference = (sum - value).abs();
+                    if !difference.is_finite() {
+                        self.not_finite += 1;
+                        continue;
+                    }
+                    self.largest = self.largest.max(difference);
+                    error += difference * difference;
+                    energy += value * value;
+                }
+            }
+            self.error += error;
+            self.energy += energy;
+        }
+    }
+
+    /// What they come to.
+    pub(super) fn deviation(&self) -> Deviation {
+        let relative_rms = if self.error == 0.0 { 0.0 } else { (self.error / self.energy).sqrt() };
+        Deviation { largest: self.largest, relative_rms, not_finite: self.not_finite }
+    }
+}
+
 impl Deviation {
     /// Of the sum of `addends` from `total`, all of one size.
     pub(super) fn of(total: &Rgb, addends: &[&Rgb]) -> Self {
         let addends: Vec<_> = addends.iter().map(|addend| addend.each_ref()).collect();
-        Self::of_planes(total.each_ref(), &addends)
-    }
-
-    pub(super) fn of_planes(total: [&Plane; 3], addends: &[[&Plane; 3]]) -> Self {
-        let (mut largest, mut error, mut energy, mut not_finite) = (0.0f64, 0.0, 0.0, 0);
-        for (c, plane) in total.iter().enumerate() {
-            for (i, &value) in plane.data().iter().enumerate() {
-                let value = f64::from(value);
-                let sum: f64 = addends.iter().map(|addend| f64::from(addend[c].data()[i])).sum();
-                let difference = (sum - value).abs();
-                if !difference.is_finite() {
-                    not_finite += 1;
-                    continue;
-                }
-                largest = largest.max(difference);
-                error += difference * difference;
-                energy += value * value;
-            }
-        }
-        let relative_rms = if error == 0.0 { 0.0 } else { (error / energy).sqrt() };
-        Self { largest, relative_rms, not_finite }
+        let mut differences = Differences::default();
+        differences.add(total.each_ref(), &addends);
+        differences.deviation()
     }
 
     /// Whether the sum is the picture up to the rounding of half floats.

@@ -4,6 +4,7 @@
 //! overflow) are left for the denoiser's first stage to replace and count.
 
 use super::channels::VarianceKind;
+use super::statistics::Statistics;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Plane;
 
@@ -15,35 +16,36 @@ pub(super) enum Samples {
     /// All pixels the same.
     Uniform(f32),
     /// Each its own.
-    PerPixel(Plane),
+    PerPixel {
+        counts: Plane,
+        /// Over the whole picture.
+        mean: f32,
+    },
 }
 
 impl Samples {
-    /// From the number in the header or of the user, and the plane of a sample count layer, which
-    /// may hold numbers or, as in Cycles, shares of the number.
-    pub(super) fn new(uniform: Option<f32>, plane: Option<Plane>) -> Self {
-        let Some(mut plane) = plane else { return uniform.map_or(Self::Unknown, Self::Uniform) };
-        let most = plane.data().iter().copied().filter(|n| n.is_finite()).fold(0.0, f32::max);
+    /// From the number in the header or of the user, and the plane of a sample count layer with what it
+    /// comes to over the whole picture: it may hold numbers or, as in Cycles, shares of the number.
+    pub(super) fn new(uniform: Option<f32>, layer: Option<(Plane, &Statistics)>) -> Self {
+        let Some((mut counts, all)) = layer else { return uniform.map_or(Self::Unknown, Self::Uniform) };
+        let most = all.range().map_or(0.0, |(_, most)| most.max(0.0));
         match (most, uniform) {
             (0.0, _) => uniform.map_or(Self::Unknown, Self::Uniform),
-            (..=1.0, Some(all)) => {
-                plane.data_mut().iter_mut().for_each(|share| *share *= all);
-                Self::PerPixel(plane)
+            (..=1.0, Some(number)) => {
+                counts.data_mut().iter_mut().for_each(|share| *share *= number);
+                Self::PerPixel { counts, mean: all.mean() * number }
             }
             (..=1.0, None) => Self::Unknown,
-            _ => Self::PerPixel(plane),
+            _ => Self::PerPixel { counts, mean: all.mean() },
         }
     }
 
-    /// The mean over the picture.
+    /// The mean over the whole picture.
     pub(super) fn mean(&self) -> Option<f32> {
         match self {
             Self::Unknown => None,
             Self::Uniform(n) => Some(*n),
-            Self::PerPixel(plane) => {
-                let sum: f64 = plane.data().iter().map(|&n| f64::from(n)).sum();
-                Some((sum / plane.data().len() as f64) as f32)
-            }
+            Self::PerPixel { mean, .. } => Some(*mean),
         }
     }
 
@@ -51,7 +53,7 @@ impl Samples {
         match self {
             Self::Unknown => None,
             Self::Uniform(n) => Some(*n),
-            Self::PerPixel(plane) => Some(plane.data()[i]),
+            Self::PerPixel { counts, .. } => Some(counts.data()[i]),
         }
     }
 }
@@ -113,7 +115,8 @@ mod tests {
         assert_eq!(converted(VarianceKind::Stddev, 0.5, 3.0, &Samples::Unknown).unwrap(), 0.25);
         assert_eq!(converted(VarianceKind::Sample, 0.5, 3.0, &five).unwrap(), 0.1);
         assert_eq!(converted(VarianceKind::M2, 11.0, 3.0, &five).unwrap(), 0.5);
-        let per_pixel = Samples::PerPixel(Plane::from_vec(2, 1, vec![1.0, 3.0]).unwrap());
+        let counts = Plane::from_vec(2, 1, vec![1.0, 3.0]).unwrap();
+        let per_pixel = Samples::PerPixel { counts, mean: 2.0 };
         assert_eq!(converted(VarianceKind::M2, 11.0, 3.0, &per_pixel).unwrap(), 1.0);
     }
 
@@ -129,11 +132,12 @@ mod tests {
     #[test]
     fn sample_counts_may_be_shares_of_the_whole() {
         let shares = Plane::from_vec(2, 1, vec![0.25, 1.0]).unwrap();
-        let counts = Samples::new(Some(64.0), Some(shares.clone()));
-        assert_eq!(counts, Samples::PerPixel(Plane::from_vec(2, 1, vec![16.0, 64.0]).unwrap()));
-        assert_eq!(counts.mean(), Some(40.0));
-        assert_eq!(Samples::new(None, Some(shares)), Samples::Unknown);
-        let numbers = Plane::from_vec(2, 1, vec![4.0, 8.0]).unwrap();
-        assert_eq!(Samples::new(Some(64.0), Some(numbers.clone())), Samples::PerPixel(numbers));
+        let samples =
+            |uniform, plane: &Plane| Samples::new(uniform, Some((plane.clone(), &Statistics::of(plane))));
+        let counts = Plane::from_vec(2, 1, vec![16.0, 64.0]).unwrap();
+        assert_eq!(samples(Some(64.0), &shares), Samples::PerPixel { counts, mean: 40.0 });
+        assert_eq!(samples(None, &shares), Samples::Unknown);
+        let counts = Plane::from_vec(2, 1, vec![4.0, 8.0]).unwrap();
+        assert_eq!(samples(Some(64.0), &counts), Samples::PerPixel { counts: counts.clone(), mean: 6.0 });
     }
 }

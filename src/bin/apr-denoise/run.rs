@@ -1,7 +1,7 @@
 //! The run: one frame or many, the next being read and the last being written while one is computed.
 //!
 //! Three frames are held at most: one that was read and waits, one that is denoised, one that is
-//! written. The order of the work changes no bit of any result.
+//! written. By parts (`--region`, `--memory`) only the results of two are. The order of the work changes no bit of any result.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -10,14 +10,14 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use apr::Denoised;
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{self, Picture};
+use apr::io;
 
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
+use crate::parts::{Input, Output};
 use crate::plan::{Job, Plan};
 use crate::progress::Progress;
 use crate::report::Report;
@@ -94,15 +94,15 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
 }
 
 impl<'a> Run<'a> {
-    fn read_all(&'a self, next: &SyncSender<Step<'a, Picture>>) {
+    fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
         for (index, job) in self.plan.jobs.iter().enumerate() {
             if index > self.last.load(Ordering::Relaxed) {
                 return;
             }
             let progress = self.progress.of_frame(index, job.frame.map(|_| job.label()));
             let clock = Clock::new(progress, self.plan.jobs.len() == 1);
-            let picture = self.tried(index, || self.read(job, &clock));
-            let Some(content) = picture else { continue };
+            let input = self.tried(index, || self.read(job, &clock));
+            let Some(content) = input else { continue };
             if next.send(Step { index, clock, content }).is_err() {
                 return;
             }
@@ -111,58 +111,57 @@ impl<'a> Run<'a> {
 
     fn denoise_all(
         &'a self,
-        pictures: &Receiver<Step<'a, Picture>>,
-        next: &SyncSender<Step<'a, (Picture, Denoised)>>,
+        inputs: &Receiver<Step<'a, Input>>,
+        next: &SyncSender<Step<'a, (Input, Output)>>,
     ) {
-        for Step { index, clock, content: picture } in pictures {
+        for Step { index, clock, content: input } in inputs {
             if index > self.last.load(Ordering::Relaxed) {
                 continue;
             }
-            let denoised = self.tried(index, || {
+            let output = self.tried(index, || {
                 if self.denoiser.pipeline().is_none() {
                     clock.begin(self.denoiser.method().name()); // which tells of no stages
                 }
-                let denoised = self.denoiser.denoise(picture.frame(), &clock);
+                let output = input.denoise(self.denoiser, &clock);
                 clock.pause();
-                denoised
+                output
             });
-            let Some(denoised) = denoised else { continue };
-            if next.send(Step { index, clock, content: (picture, denoised) }).is_err() {
+            let Some(output) = output else { continue };
+            if next.send(Step { index, clock, content: (input, output) }).is_err() {
                 return;
             }
         }
     }
 
-    fn write_all(&self, results: &Receiver<Step<'a, (Picture, Denoised)>>) {
-        for Step { index, clock, content: (picture, denoised) } in results {
-            let written =
-                self.tried(index, || self.write(&self.plan.jobs[index], &picture, &denoised, clock));
+    fn write_all(&self, results: &Receiver<Step<'a, (Input, Output)>>) {
+        for Step { index, clock, content: (input, output) } in results {
+            let written = self.tried(index, || self.write(&self.plan.jobs[index], &input, &output, clock));
             if let Some(outcome) = written {
                 self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
             }
         }
     }
 
-    fn read(&self, job: &Job, clock: &Clock) -> Result<Picture> {
+    fn read(&self, job: &Job, clock: &Clock) -> Result<Input> {
         clock.begin("read");
-        let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
-        picture.sign(self.signature);
+        let mut input = Input::read(job, self.arguments, self.denoiser, self.plan.jobs.len())?;
+        input.sign(self.signature);
         clock.pause();
         if !self.arguments.quiet {
-            picture.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
+            input.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
         }
-        Ok(picture)
+        Ok(input)
     }
 
-    fn write(&self, job: &Job, picture: &Picture, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
+    fn write(&self, job: &Job, input: &Input, output: &Output, clock: Clock) -> Result<Outcome> {
         clock.begin("write");
-        let notes = picture.write(&job.output, denoised, self.arguments.aux)?;
+        let notes = input.write(job, &output.denoised, self.arguments)?;
         let stages = clock.finish();
-        let sampling = Sampling::new(picture, denoised, job, self.arguments.target_error)?;
+        let sampling = Sampling::new(input, &output.denoised, job, self.arguments.target_error)?;
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
         }
-        let report = Report::new(picture, self.denoiser, denoised, stages, notes, job, sampling.as_ref());
+        let report = Report::new(input, self.denoiser, output, stages, notes, job, sampling.as_ref());
         if let Some(path) = &job.report {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }

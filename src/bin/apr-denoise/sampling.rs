@@ -1,11 +1,12 @@
 //! `--sampling-map` and `--target-error`: what the renderer's next pass should do.
 
 use apr::error::Result;
-use apr::io::{Picture, write_plane};
+use apr::io::write_plane;
 use apr::sampling::{SamplingOptions, density, mean_error, relative_error, samples_needed, shares_of_mean};
 use apr::{Denoised, Frame};
 use serde::Serialize;
 
+use crate::parts::Input;
 use crate::plan::Job;
 
 /// The channel of the sampling map.
@@ -27,14 +28,11 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Estimates and writes what was asked for; none where nothing was.
-    pub fn new(
-        picture: &Picture,
-        denoised: &Denoised,
-        job: &Job,
-        target: Option<f32>,
-    ) -> Result<Option<Self>> {
+    /// Estimates and writes what was asked for; none where nothing was. It takes the whole
+    /// picture.
+    pub fn new(input: &Input, denoised: &Denoised, job: &Job, target: Option<f32>) -> Result<Option<Self>> {
         let map = job.sampling_map.as_ref();
+        let Input::Whole(picture) = input else { return Ok(None) };
         if map.is_none() && target.is_none() {
             return Ok(None);
         }

@@ -1,0 +1,106 @@
+//! The pixels of a part as they are stored, gathered from blocks of any place and written in blocks of any
+//! other.
+
+use std::io::{Seek, Write};
+
+use exr::block::lines::LineIndex;
+use exr::block::writer::ChunkWriter;
+use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::attribute::{IntegerBounds, LineOrder};
+use exr::meta::header::Header;
+use exr::prelude::Vec2;
+
+use super::document::block_bounds;
+use super::encode::{BATCH, block_from_lines, write_blocks};
+
+/// All channels of a part, each in its own sample type: a line of every channel, row after row.
+pub(super) struct Canvas {
+    window: IntegerBounds,
+    /// Bytes of a sample of each channel, and where its line begins in a row.
+    channels: Vec<(usize, usize)>,
+    row: usize,
+    data: Vec<u8>,
+}
+
+impl Canvas {
+    /// An empty one of the header's data window.
+    pub(super) fn new(header: &Header) -> Self {
+        let window = header.data_window();
+        let (mut channels, mut row) = (Vec::new(), 0);
+        for channel in &header.channels.list {
+            let sample = channel.sample_type.bytes_per_sample();
+            channels.push((sample, row));
+            row += sample * window.size.width();
+        }
+        Self { window, channels, row, data: vec![0; row * window.size.height()] }
+    }
+
+    /// The samples of a channel in row `y` of the window.
+    pub(super) fn line_mut(&mut self, channel: usize, y: usize) -> &mut [u8] {
+        let (sample, start) = self.channels[channel];
+        &mut self.data[y * self.row + start..][..sample * self.window.size.width()]
+    }
+
+    /// Takes the pixels of a part's `block` that lie in the window. `channel` tells which of this canvas's
+    /// channels one of the part's is, if any.
+    pub(super) fn take(
+        &mut self,
+        from: &Header,
+        block: &UncompressedBlock,
+        channel: impl Fn(usize) -> Option<usize>,
+    ) {
+        let shift = |a: i32, b: i32| i64::from(a) - i64::from(b);
+        let (part, own) = (from.own_attributes.layer_position, self.window.position);
+        let (shift_x, shift_y) = (shift(part.x(), own.x()), shift(part.y(), own.y()));
+        let (width, height) = (self.window.size.width(), self.window.size.height());
+        for (bytes, line) in LineIndex::lines_in_block(block.index, &from.channels) {
+            let Some(channel) = channel(line.channel) else { continue };
+            let (x, y) = (line.position.x() as i64 + shift_x, line.position.y() as i64 + shift_y);
+            let Some(y) = usize::try_from(y).ok().filter(|y| *y < height) else { continue };
+            let skip = usize::try_from(-x).unwrap_or(0).min(line.sample_count);
+            let start = usize::try_from(x).unwrap_or(0).min(width);
+            let count = (line.sample_count - skip).min(width - start);
+            let sample = self.channels[channel].0;
+            let samples = &block.data[bytes][skip * sample..][..count * sample];
+            self.line_mut(channel, y)[start * sample..][..samples.len()].copy_from_slice(samples);
+        }
+    }
+
+    /// Writes all blocks of `headers[part]`, in its line order.
+    ///
+    /// # Errors
+    /// When the disk is full.
+    pub(super) fn write<W: Write + Seek>(
+        &self,
+        writer: &mut ChunkWriter<W>,
+        headers: &[Header],
+        part: usize,
+    ) -> exr::error::UnitResult {
+        let header = &headers[part];
+        let mut order: Vec<usize> = (0..header.chunk_count).collect();
+        if header.line_order == LineOrder::Decreasing {
+            order.reverse();
+        }
+        for batch in order.chunks(BATCH) {
+            let blocks = batch.iter().map(|&index| (index, self.block(header, part, index)));
+            write_blocks(writer, headers, blocks.collect())?;
+        }
+        Ok(())
+    }
+
+    fn block(&self, header: &Header, part: usize, index: usize) -> UncompressedBlock {
+        let IntegerBounds { position, size } = block_bounds(header, index);
+        let within = |a: i32, b: i32| (i64::from(a) - i64::from(b)) as usize;
+        let origin = self.window.position;
+        let place = BlockIndex {
+            layer: part,
+            pixel_position: Vec2(within(position.x(), origin.x()), within(position.y(), origin.y())),
+            pixel_size: size,
+            level: Vec2(0, 0),
+        };
+        block_from_lines(header, place, |channel, x, y, bytes| {
+            let (sample, start) = self.channels[channel];
+            bytes.copy_from_slice(&self.data[y * self.row + start + x * sample..][..bytes.len()]);
+        })
+    }
+}

@@ -1,0 +1,394 @@
+//! A file, with those beside it, understood: which channels play which role, and their pixels on demand.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use exr::meta::attribute::IntegerBounds;
+use exr::prelude::Vec2;
+
+use super::assemble::{Given, Planes, Remarks, assemble};
+use super::bounds;
+use super::channels::{Renderer, Role, Statistic, UNSURE};
+use super::components::{Asked, Sum};
+use super::decode::{ChannelAt, read_planes};
+use super::document::Document;
+use super::evidence::Tally;
+use super::layers::{Channel, Layer, buffer_prefix};
+use super::layout::{FileLayout, Layout, RoleLayout};
+use super::mapping::{find, target};
+use super::picture::ReadOptions;
+use super::recognize::{detect, layers, samples_in};
+use super::roles::{Candidate, Casting, Choice, has_variance, settle};
+use super::siblings::{buffers_beside, is_buffer};
+use super::statistics::Statistics;
+use super::sums::{Deviation, Differences};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::Frame;
+use crate::image::{Plane, Rect};
+
+/// Bytes of planes that are looked through at one time.
+const BAND_BYTES: usize = 64 << 20;
+
+/// A file and what is known of it as a whole.
+#[derive(Debug)]
+pub(super) struct Source {
+    /// The first is the one that is written again.
+    pub(super) documents: Vec<Document>,
+    /// The channels that get the result.
+    pub(super) beauty: Vec<ChannelAt>,
+    /// The channels of each of the frame's AOVs.
+    pub(super) aovs: Vec<Vec<ChannelAt>>,
+    pub(super) sums: Vec<Sum>,
+    /// The colour's data window.
+    pub(super) window: IntegerBounds,
+    pub(super) layout: Layout,
+    choices: Vec<Choice>,
+    statistics: BTreeMap<Channel, Statistics>,
+    given: Given,
+}
+
+/// Planes by their channel.
+pub(super) type Held = BTreeMap<Channel, Plane>;
+
+impl Source {
+    /// Opens the file at `path` and looks at all its pixels. Returns the planes as well where they are to
+    /// be `held`, which spares reading them again.
+    ///
+    /// # Errors
+    /// As [`Picture::read`](super::Picture::read).
+    pub(super) fn open(path: &Path, options: &ReadOptions, held: bool) -> Result<(Self, Option<Held>)> {
+        let documents = open_all(path, options)?;
+        let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
+        let layers = layers(&documents, one_file_per_buffer);
+        let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
+        let mapped = mapped_choices(options, &documents, &layers)?;
+        let casting = Casting::new(&layers, renderer, &mapped);
+        let color = casting.color().ok_or_else(|| no_color(&layers))?;
+        let beauty = casting.beauty(&color);
+        let mut candidates = casting.candidates(&color);
+        candidates.retain(|found| options.motion || !matches!(found.mean.target.role, Role::Motion(_)));
+
+        let header = &documents[0].headers()[color.mean.channels[0].at.part];
+        let window = header.data_window();
+        let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;
+        let components = |names: &[String]| Asked::find(names, &casting, renderer, &color, &beauty, writable);
+        let asked = components(&options.aovs)?;
+
+        let wanted = wanted(&color, &candidates, &asked);
+        let pixels = Pixels::new(&documents, window, held.then_some(&wanted))?;
+        let seen = pixels.seen(&color, &candidates)?;
+        let mut cast = settle(&color, &candidates, &seen);
+        let sums = asked.settle(&mut cast, |total, addends| pixels.deviation(total, addends))?;
+        let statistics = pixels.statistics(&cast.choices)?;
+        let held = pixels.held;
+
+        let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
+        note_windows(&documents, &cast.choices, window, &mut remarks);
+        note_bounds(&cast.choices, &statistics, &mut remarks);
+        if options.variance_kind.is_none() && has_variance(&cast.choices) {
+            let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
+            remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
+        }
+        note_other_colors(&casting.other_colors(&color), &mut remarks);
+        if options.aovs.is_empty() {
+            note_components(&components(&["auto".to_owned()])?.automatic(), &mut remarks);
+        }
+        if renderer == Renderer::Plain {
+            note_buffers_beside(path, &mut remarks);
+        }
+        let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
+        let layout = Layout {
+            files: documents.iter().map(FileLayout::of).collect(),
+            renderer,
+            forced: options.profile.is_some(),
+            roles: cast.choices.iter().map(|choice| describe(choice, &documents, &statistics)).collect(),
+            notes: remarks.notes,
+            warnings: remarks.warnings,
+            ..Layout::default()
+        };
+        let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
+        let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
+        let aovs = components.map(|choice| places(&choice.channels)).collect();
+        let (beauty, choices) = (places(&beauty), cast.choices);
+        let mut source = Self { documents, beauty, aovs, sums, window, layout, choices, statistics, given };
+        source.note_variances()?;
+        Ok((source, held))
+    }
+
+    /// Width and height.
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.window.size.width(), self.window.size.height())
+    }
+
+    /// The planes of the channels that play a role under `rect`.
+    ///
+    /// # Errors
+    /// `Unreadable` when a file is damaged.
+    pub(super) fn planes(&self, rect: Rect) -> Result<Held> {
+        let channels = self.choices.iter().flat_map(|choice| choice.channels.iter().copied()).collect();
+        read(&self.documents, &channels, part_of(self.window, rect))
+    }
+
+    /// The frame of planes that [`Self::planes`] or [`Self::open`] gave, and the samples of each pixel.
+    ///
+    /// # Errors
+    /// `Lacking` when the colour does not have one or three channels.
+    pub(super) fn frame(&self, planes: Held) -> Result<(Frame, Option<Plane>)> {
+        let mut remarks = Remarks::default(); // they were told when the file was opened
+        let counts = self.choices.iter().find(|choice| choice.target.role == Role::SampleCount);
+        let counts = counts.map(|choice| planes[&choice.channels[0]].clone());
+        let planes = Planes::new(planes, &self.choices);
+        let frame = assemble(&self.choices, planes, &self.statistics, self.given, &mut remarks)?;
+        Ok((frame, counts))
+    }
+
+    /// Warns of variances that cannot be understood: one pixel tells.
+    fn note_variances(&mut self) -> Result<()> {
+        let channels = self.choices.iter().flat_map(|choice| &choice.channels);
+        let planes = channels.map(|channel| (*channel, Plane::filled(1, 1, 0.0))).collect();
+        let planes = Planes::new(planes, &self.choices);
+        let mut remarks = Remarks::default();
+        assemble(&self.choices, planes, &self.statistics, self.given, &mut remarks)?;
+        let unsure = std::mem::take(&mut self.layout.warnings);
+        self.layout.warnings = unsure.into_iter().chain(remarks.warnings).collect();
+        Ok(())
+    }
+}
+
+/// The pixels of a picture, held or read again at every look.
+struct Pixels<'a> {
+    documents: &'a [Document],
+    window: IntegerBounds,
+    held: Option<Held>,
+}
+
+impl<'a> Pixels<'a> {
+    /// Holds the channels `held`.
+    fn new(
+        documents: &'a [Document],
+        window: IntegerBounds,
+        held: Option<&BTreeSet<Channel>>,
+    ) -> Result<Self> {
+        let held = held.map(|channels| read(documents, channels, window)).transpose()?;
+        Ok(Self { documents, window, held })
+    }
+
+    /// Shows all rows of `channels` to `look`, in order, in one portion or several.
+    fn look(&self, channels: &BTreeSet<Channel>, mut look: impl FnMut(&Held)) -> Result<()> {
+        if let Some(held) = &self.held {
+            look(held);
+            return Ok(());
+        }
+        for band in bands((self.window.size.width(), self.window.size.height()), channels.len()) {
+            look(&read(self.documents, channels, part_of(self.window, band))?);
+        }
+        Ok(())
+    }
+
+    /// What the candidates look like, those that are not told by their names alone.
+    fn seen(&self, color: &Candidate, candidates: &[Candidate]) -> Result<Vec<Tally>> {
+        let mut seen = vec![Tally::default(); candidates.len()];
+        let unsure: Vec<(usize, &Candidate)> =
+            candidates.iter().enumerate().filter(|(_, candidate)| !candidate.is_told_by_name()).collect();
+        if unsure.is_empty() {
+            return Ok(seen);
+        }
+        let choices = unsure.iter().map(|(_, candidate)| &candidate.mean).chain([&color.mean]);
+        self.look(&choices.flat_map(|choice| choice.channels.clone()).collect(), |planes| {
+            let of = |choice: &Choice| choice.channels.iter().map(|c| &planes[c]).collect::<Vec<_>>();
+            for (i, candidate) in &unsure {
+                seen[*i].add(candidate.evidence, &of(&candidate.mean), &of(&color.mean));
+            }
+        })?;
+        Ok(seen)
+    }
+
+    /// How far the sum of `addends` is from `total`.
+    fn deviation(&self, total: [Channel; 3], addends: &[[Channel; 3]]) -> Result<Deviation> {
+        let mut differences = Differences::default();
+        self.look(&addends.iter().flatten().copied().chain(total).collect(), |planes| {
+            let of = |channels: &[Channel; 3]| channels.map(|channel| &planes[&channel]);
+            differences.add(of(&total), &addends.iter().map(of).collect::<Vec<_>>());
+        })?;
+        Ok(differences.deviation())
+    }
+
+    /// What the channels of `choices` come to.
+    fn statistics(&self, choices: &[Choice]) -> Result<BTreeMap<Channel, Statistics>> {
+        let channels: BTreeSet<Channel> = choices.iter().flat_map(|choice| choice.channels.clone()).collect();
+        let mut statistics: BTreeMap<Channel, Statistics> =
+            channels.iter().map(|channel| (*channel, Statistics::default())).collect();
+        self.look(&channels, |planes| {
+            statistics.iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
+        })?;
+        Ok(statistics)
+    }
+}
+
+/// A picture of `size` cut into bands of rows, of which `planes` planes are a small share of the memory.
+pub(super) fn bands((width, height): (usize, usize), planes: usize) -> impl Iterator<Item = Rect> {
+    /// The largest block of scan lines: a band that is no whole number of them has blocks read twice.
+    const LINES: usize = 256;
+    let row = (width * planes * size_of::<f32>()).max(1);
+    let rows = (BAND_BYTES / row).max(1);
+    let rows = if rows > LINES { rows / LINES * LINES } else { rows };
+    let band = move |y| Rect { x: 0, y, width, height: rows.min(height - y) };
+    (0..height).step_by(rows).map(band)
+}
+
+/// The pixels `rect` of a picture with this data window, in the file's coordinates.
+pub(super) fn part_of(window: IntegerBounds, rect: Rect) -> IntegerBounds {
+    let along = |from: i32, offset: usize| (i64::from(from) + offset as i64) as i32; // inside the window
+    let position = Vec2(along(window.position.x(), rect.x), along(window.position.y(), rect.y));
+    IntegerBounds { position, size: Vec2(rect.width, rect.height) }
+}
+
+fn read(documents: &[Document], wanted: &BTreeSet<Channel>, window: IntegerBounds) -> Result<Held> {
+    let mut planes = BTreeMap::new();
+    for (file, document) in documents.iter().enumerate() {
+        let here: Vec<Channel> = wanted.iter().copied().filter(|channel| channel.file == file).collect();
+        let places: Vec<ChannelAt> = here.iter().map(|channel| channel.at).collect();
+        planes.extend(here.into_iter().zip(read_planes(document, &places, window)?));
+    }
+    Ok(planes)
+}
+
+/// The channels that may be needed.
+fn wanted(color: &Candidate, candidates: &[Candidate], components: &Asked) -> BTreeSet<Channel> {
+    let all = candidates.iter().chain(std::iter::once(color));
+    let choices = all.flat_map(|candidate| std::iter::once(&candidate.mean).chain(&candidate.companions));
+    let channels = choices.flat_map(|choice| choice.channels.iter().copied());
+    channels.chain(components.channels()).collect()
+}
+
+/// Opens the file, those given beside it, and those that lie beside it under the renderer's names.
+fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
+    let mut documents = vec![Document::open(path)?];
+    for further in &options.with {
+        documents.push(Document::open(further)?);
+    }
+    if let Some(renderer) = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer()) {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        let prefix = buffer_prefix(&name, renderer);
+        for sibling in buffers_beside(path, &prefix, renderer) {
+            documents.push(Document::open(&sibling)?);
+        }
+    }
+    Ok(documents)
+}
+
+fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
+    let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
+    let names = |channel| full_names(documents, channel);
+    let mappings = options.map.iter().chain(&options.features);
+    let choices = mappings.map(|mapping| {
+        Ok(Choice { target: target(&mapping.name, &further)?, channels: find(mapping, layers, names)? })
+    });
+    let choices: Vec<Choice> = choices.collect::<Result<_>>()?;
+    match choices.iter().find(|choice| {
+        choice.target.role == Role::Color
+            && choice.target.statistic == Statistic::Mean
+            && choice
+                .channels
+                .iter()
+                .any(|channel| channel.file != 0 || channel.at.part != choice.channels[0].at.part)
+    }) {
+        None => Ok(choices),
+        Some(_) => Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
+            .remedy("name the file that is to be written again first")),
+    }
+}
+
+/// The names by which a channel may be called: its own, and with its part's in front.
+fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
+    let document = &documents[channel.file];
+    let own = document.headers()[channel.at.part].channels.list[channel.at.channel].name.to_string();
+    let with_part = document.part_name(channel.at.part).map(|part| format!("{part}.{own}"));
+    std::iter::once(own).chain(with_part).collect()
+}
+
+pub(super) fn no_color(layers: &[Layer]) -> Error {
+    /// Enough to recognise the file, few enough for a message.
+    const NAMED: usize = 12;
+    let bare = layers.iter().filter(|layer| layer.name.is_empty()).flat_map(|layer| &layer.components);
+    if bare.into_iter().any(|(component, _)| ["Y", "RY", "BY"].contains(&component.as_str())) {
+        return Error::new(ErrorKind::Unreadable, "stores luminance (and chroma) where RGB was expected")
+            .remedy("convert it to RGB, or denoise the luminance alone by --map color=Y");
+    }
+    let names: Vec<&str> = layers.iter().take(NAMED).map(|layer| layer.name.as_str()).collect();
+    let more = if layers.len() > NAMED { ", …" } else { "" };
+    Error::new(
+        ErrorKind::Lacking,
+        format!("no colour was found; the layers are '{}'{more}", names.join("', '")),
+    )
+    .remedy("name it by --map color=LAYER")
+}
+
+fn describe(
+    choice: &Choice,
+    documents: &[Document],
+    statistics: &BTreeMap<Channel, Statistics>,
+) -> RoleLayout {
+    let names = choice.channels.iter().map(|&channel| {
+        let name = full_names(documents, channel).swap_remove(0);
+        match channel.file {
+            0 => name,
+            file => format!("{}:{name}", documents[file].path().display()),
+        }
+    });
+    RoleLayout::new(choice, names.collect(), choice.channels.iter().map(|channel| &statistics[channel]))
+}
+
+fn note_bounds(choices: &[Choice], statistics: &BTreeMap<Channel, Statistics>, remarks: &mut Remarks) {
+    for choice in choices.iter().filter(|choice| choice.target.statistic == Statistic::Mean) {
+        let Role::Feature(kind) = choice.target.role else { continue };
+        let statistics: Vec<Statistics> = choice.channels.iter().map(|channel| statistics[channel]).collect();
+        remarks.notes.extend(bounds::told(&choice.target.feature, kind, &statistics));
+    }
+}
+
+/// Tells which roles come from a part whose pixels are not the colour's.
+fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBounds, remarks: &mut Remarks) {
+    for choice in choices {
+        let other =
+            |channel: &&Channel| documents[channel.file].headers()[channel.at.part].data_window() != window;
+        if let Some(channel) = choice.channels.iter().find(other) {
+            remarks.notes.push(format!(
+                "{}: its data window is not the colour's; 0 stands where it does not reach",
+                full_names(documents, *channel)[0]
+            ));
+        }
+    }
+}
+
+fn note_components(found: &[String], remarks: &mut Remarks) {
+    if !found.is_empty() {
+        remarks.notes.push(format!(
+            "'{}' pass through as they are; --aov auto denoises them with the beauty, so that they sum to it",
+            found.join("', '")
+        ));
+    }
+}
+
+fn note_other_colors(others: &[String], remarks: &mut Remarks) {
+    if !others.is_empty() {
+        remarks.notes.push(format!(
+            "'{}' could be the colour as well and passes through; choose it by --map color=…",
+            others.join("', '")
+        ));
+    }
+}
+
+/// A renderer that writes one file per buffer leaves no mark, but its other files may lie there.
+fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    for (profile, renderer) in Renderer::NAMES.iter().filter(|(_, r)| r.writes_one_file_per_buffer()) {
+        let prefix = buffer_prefix(&name, *renderer);
+        let is_color = name.len() > prefix.len() && is_buffer(&name[prefix.len()..], *renderer);
+        if is_color && !buffers_beside(path, &prefix, *renderer).is_empty() {
+            remarks
+                .notes
+                .push(format!("further buffers lie beside the file: --profile {profile} reads them"));
+        }
+    }
+}

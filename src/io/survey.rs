@@ -1,0 +1,243 @@
+//! A render on disk that was looked through once: what is known of it as a whole, and its pixels part by
+//! part. What is held in memory is never the picture.
+
+use std::path::Path;
+
+use exr::meta::attribute::IntegerBounds;
+
+use super::components::Sum;
+use super::decode::ChannelAt;
+use super::halves::merge_halves;
+use super::layout::Layout;
+use super::picture::ReadOptions;
+use super::region::{Place, write_region};
+use super::rewrite::{Addition, Replacement, rewrite};
+use super::source::{Held, Source, bands, part_of};
+use super::sums::{Deviation, Differences, SumCheck};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::{Denoised, Frame};
+use crate::image::{Plane, Rect, Rgb};
+
+/// A file that was looked through, and the file of its other half where there is one.
+#[derive(Debug)]
+pub struct Survey {
+    main: Source,
+    half: Option<Source>,
+    layout: Layout,
+    signature: Option<String>,
+}
+
+/// The planes of one file or two.
+type BothHeld = (Held, Option<Held>);
+
+impl Survey {
+    /// Looks through the file at `path`, band by band, and shows all rows to `look`, in order.
+    ///
+    /// # Errors
+    /// As [`Picture::read`](super::Picture::read).
+    pub fn open(path: impl AsRef<Path>, options: &ReadOptions, mut look: impl FnMut(&Frame)) -> Result<Self> {
+        let (mut survey, _) = Self::of_files(path.as_ref(), options, false)?;
+        let mut differences = survey.no_differences();
+        let planes = survey.main.layout.roles.iter().map(|role| role.channels.len()).sum();
+        for band in bands(survey.size(), planes) {
+            let rows = survey.read(band)?;
+            survey.add_differences(&mut differences, &rows);
+            look(&rows);
+        }
+        let pixel = survey.read(Rect::whole((1, 1)))?; // tells which planes there are
+        survey.complete(&pixel, &differences);
+        Ok(survey)
+    }
+
+    /// The same with all planes held at once: the frame, and the samples of each pixel.
+    pub(super) fn open_whole(path: &Path, options: &ReadOptions) -> Result<(Self, Frame, Option<Plane>)> {
+        let (mut survey, held) = Self::of_files(path, options, true)?;
+        let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
+        let mut differences = survey.no_differences();
+        survey.add_differences(&mut differences, &frame);
+        survey.complete(&frame, &differences);
+        Ok((survey, frame, counts))
+    }
+
+    fn of_files(path: &Path, options: &ReadOptions, held: bool) -> Result<(Self, Option<BothHeld>)> {
+        let open = |path: &Path| Source::open(path, options, held).map_err(|error| error.in_file(path));
+        let (main, planes) = open(path)?;
+        let (half, half_planes) = match &options.half {
+            Some(path) => {
+                let (half, planes) = open(path)?;
+                (Some(half), planes)
+            }
+            None => (None, None),
+        };
+        let mut layout = main.layout.clone();
+        layout.half = options.half.as_ref().map(|half| half.display().to_string());
+        let survey = Self { main, half, layout, signature: None };
+        Ok((survey, planes.map(|planes| (planes, half_planes))))
+    }
+
+    /// Columns and rows of the colour.
+    pub fn size(&self) -> (usize, usize) {
+        self.main.size()
+    }
+
+    /// What was found.
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// The pixels of the picture that have these coordinates in the file.
+    ///
+    /// # Errors
+    /// `Usage` when some are outside of the data window.
+    pub fn locate(&self, (x, y): (i32, i32), (width, height): (usize, usize)) -> Result<Rect> {
+        let IntegerBounds { position, size } = self.main.window;
+        let along = |at: i32, length: usize, from: i32, size: usize| {
+            let start = i64::from(at) - i64::from(from);
+            let inside = length > 0 && start >= 0 && start as u64 + length as u64 <= size as u64;
+            inside.then_some(start as usize)
+        };
+        let columns = along(x, width, position.x(), size.width());
+        let rows = along(y, height, position.y(), size.height());
+        columns.zip(rows).map(|(x, y)| Rect { x, y, width, height }).ok_or_else(|| {
+            let what = format!(
+                "the region {x},{y},{width},{height} is not inside the picture, which is {},{},{},{}",
+                position.x(),
+                position.y(),
+                size.width(),
+                size.height()
+            );
+            let remedy = "give x and y of its first pixel, width and height in the file's coordinates";
+            Error::new(ErrorKind::Usage, what).remedy(remedy).in_file(self.main.documents[0].path())
+        })
+    }
+
+    /// The frame of the pixels `rect`.
+    ///
+    /// # Errors
+    /// `Unreadable` when a file is damaged or was changed.
+    pub fn read(&self, rect: Rect) -> Result<Frame> {
+        let main = self.main.planes(rect)?;
+        let half = self.half.as_ref().map(|half| half.planes(rect)).transpose()?;
+        Ok(self.frame((main, half))?.0)
+    }
+
+    fn frame(&self, (main, half): BothHeld) -> Result<(Frame, Option<Plane>)> {
+        let in_file = |source: &Source, error: Error| error.in_file(source.documents[0].path());
+        let (frame, counts) = self.main.frame(main).map_err(|error| in_file(&self.main, error))?;
+        let (Some(source), Some(planes)) = (&self.half, half) else { return Ok((frame, counts)) };
+        let merged = source.frame(planes).and_then(|(other, _)| merge_halves(&frame, &other));
+        // The counts were those of one of the two.
+        merged.map(|frame| (frame, None)).map_err(|error| in_file(source, error))
+    }
+
+    /// Whether the components that ought to sum to the beauty do so, before and after.
+    pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
+        let after = |sum: &Sum| {
+            let addends: Vec<&Rgb> = sum.addends.iter().map(|&i| &denoised.aovs[i].color).collect();
+            Deviation::of(&denoised.color, &addends)
+        };
+        let checks = self.layout.sums.iter().zip(&self.main.sums);
+        checks.map(|(before, sum)| SumCheck { after: Some(after(sum)), ..before.clone() }).collect()
+    }
+
+    /// Has the results say in their attribute `apr.settings` what they were made by;
+    /// [`signature`](super::signature) reads it back. Keep to ASCII: what other letters become is not
+    /// promised.
+    pub fn sign(&mut self, signature: impl Into<String>) {
+        self.signature = Some(signature.into());
+    }
+
+    /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error
+    /// (`apr.mse.Y`) and the order chosen (`apr.order.Y`). Everything else passes through bit for
+    /// bit. Returns what the user should know.
+    ///
+    /// # Errors
+    /// `Unwritable` when the folder or the disk does not take it; `target` is then as it was.
+    pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
+        let (replacements, additions) = self.results(denoised, aux)?;
+        let document = &self.main.documents[0];
+        rewrite(document, target.as_ref(), &replacements, &additions, self.signature.as_deref())
+    }
+
+    /// Writes the region `region` of the picture, whose pixels `denoised` holds, as a file of its own: its
+    /// data window is the region, and [`merge`](super::merge) puts such files together to what
+    /// [`Self::write`] would have written.
+    ///
+    /// # Errors
+    /// As [`Self::write`].
+    pub fn write_region(
+        &self,
+        target: impl AsRef<Path>,
+        region: Rect,
+        denoised: &Denoised,
+        aux: bool,
+    ) -> Result<Vec<String>> {
+        let (replacements, additions) = self.results(denoised, aux)?;
+        let sources = std::iter::once(&self.main).chain(&self.half);
+        let mut inputs = Vec::new();
+        for document in sources.flat_map(|source| &source.documents) {
+            inputs.push(format!("{:016x}", document.fingerprint()?));
+        }
+        let place = Place { picture: self.main.window, region: part_of(self.main.window, region), inputs };
+        let document = &self.main.documents[0];
+        let signature = self.signature.as_deref();
+        write_region(document, target.as_ref(), &replacements, &additions, signature, &place)
+    }
+
+    /// What `denoised` puts in the place of which channels, and what it adds.
+    fn results<'a>(
+        &self,
+        denoised: &'a Denoised,
+        aux: bool,
+    ) -> Result<(Vec<Replacement<'a>>, Vec<Addition<'a>>)> {
+        let (got, expected) = (denoised.aovs.len(), self.main.aovs.len());
+        if got != expected {
+            let what = format!("the result has {got} AOVs where the picture has {expected}");
+            return Err(Error::new(ErrorKind::Usage, what).remedy("denoise the frame of this very picture"));
+        }
+        let components = self.main.aovs.iter().zip(&denoised.aovs).map(|(places, aov)| (places, &aov.color));
+        let replace = |(places, rgb): (&Vec<ChannelAt>, &'a Rgb)| {
+            let pairs = places.iter().zip(rgb).map(|(&at, plane)| Replacement { at, plane });
+            pairs.collect::<Vec<_>>()
+        };
+        let beauty = std::iter::once((&self.main.beauty, &denoised.color));
+        let replacements = beauty.chain(components).flat_map(replace).collect();
+        let mut additions = Vec::new();
+        if aux {
+            additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
+            additions.push(Addition { name: "apr.order.Y", plane: &denoised.order });
+        }
+        Ok((replacements, additions))
+    }
+
+    fn no_differences(&self) -> Vec<Differences> {
+        vec![Differences::default(); self.main.sums.len()]
+    }
+
+    fn add_differences(&self, differences: &mut [Differences], rows: &Frame) {
+        for (differences, sum) in differences.iter_mut().zip(&self.main.sums) {
+            let addends = sum.addends.iter().map(|&i| rows.aovs()[i].color.each_ref());
+            differences.add(rows.color().each_ref(), &addends.collect::<Vec<_>>());
+        }
+    }
+
+    /// Adds to the layout what the frames showed, of which `frame` is one.
+    fn complete(&mut self, frame: &Frame, differences: &[Differences]) {
+        self.layout.complete(frame);
+        for (sum, differences) in self.main.sums.iter().zip(differences) {
+            let before = differences.deviation();
+            let layers: Vec<String> = sum.addends.iter().map(|&i| frame.aovs()[i].name.clone()).collect();
+            if sum.by_itself && !before.is_small() {
+                self.layout.warnings.push(format!(
+                    "{}: '{}' do not sum to the beauty: the noisy ones already differ from it by {:.2} % (relative \
+                     RMS); something that the beauty shows is in none of them (emission, background, lights \
+                     without a group?) or in several",
+                    sum.name,
+                    layers.join("' + '"),
+                    100.0 * before.relative_rms
+                ));
+            }
+            self.layout.sums.push(SumCheck { set: sum.name.to_owned(), layers, before, after: None });
+        }
+    }
+}

@@ -1,0 +1,228 @@
+//! Regions of a picture, denoised apart and merged, and a picture denoised in bands: the very file, to the
+//! byte, of the picture denoised as a whole.
+
+mod exr_files;
+
+use std::path::{Path, PathBuf};
+
+use apr::denoise::{Facts, Part, Silent, denoise_part};
+use apr::image::Rect;
+use apr::io::{Picture, ReadOptions, Survey, merge};
+use apr::options::Kernel;
+use apr::{ErrorKind, Options, denoise};
+use assert_cmd::Command;
+use exr::prelude::*;
+use exr_files::*;
+
+/// Small windows and one stage: what is tested here is files.
+fn quick() -> Options {
+    let kernel = Kernel { patch_radius: 0, bandwidth: 1.0, demodulate: false };
+    Options { window_radius: 1, max_order: 1, stages: vec![vec![kernel]], ..Options::default() }
+}
+
+fn fixture(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name)
+}
+
+/// A picture of `size` cut at these columns and rows.
+fn cut((width, height): (usize, usize), columns: &[usize], rows: &[usize]) -> Vec<Rect> {
+    let spans = |cuts: &[usize], length: usize| {
+        let ends: Vec<usize> = [&[0], cuts, &[length]].concat();
+        ends.windows(2).map(|pair| (pair[0], pair[1] - pair[0])).collect::<Vec<_>>()
+    };
+    let columns = spans(columns, width);
+    let rows = spans(rows, height).into_iter();
+    rows.flat_map(|(y, height)| columns.iter().map(move |&(x, width)| Rect { x, y, width, height })).collect()
+}
+
+/// Denoises the `regions` of `input` into files of their own.
+fn write_regions(
+    folder: &Path,
+    input: &Path,
+    read: &ReadOptions,
+    regions: &[Rect],
+    aux: bool,
+) -> Vec<PathBuf> {
+    let mut facts = Facts::default();
+    let mut survey = Survey::open(input, read, |rows| facts.add(rows)).unwrap();
+    survey.sign("quick");
+    let write = |(i, region): (usize, &Rect)| {
+        let part = Part::new(*region, survey.size(), &quick());
+        let frame = survey.read(part.read).unwrap();
+        let denoised = denoise_part(&frame, &part, &facts, &quick(), &Silent).unwrap();
+        let path = folder.join(format!("region{i}.exr"));
+        survey.write_region(&path, *region, &denoised, aux).unwrap();
+        path
+    };
+    regions.iter().enumerate().map(write).collect()
+}
+
+/// Denoises `input` as a whole and in `regions` and holds the files against each other.
+fn assert_merged(input: &Path, read: &ReadOptions, regions: impl Fn((usize, usize)) -> Vec<Rect>, aux: bool) {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, merged) = (folder.path().join("whole.exr"), folder.path().join("merged.exr"));
+    let mut picture = Picture::read(input, read).unwrap();
+    picture.sign("quick");
+    let denoised = denoise(picture.frame(), &quick()).unwrap();
+    picture.write(&whole, &denoised, aux).unwrap();
+    let size = (picture.frame().width(), picture.frame().height());
+    let mut paths = write_regions(folder.path(), input, read, &regions(size), aux);
+    paths.rotate_left(1);
+    merge(&merged, &paths).unwrap();
+    let same = std::fs::read(&whole).unwrap() == std::fs::read(&merged).unwrap();
+    assert!(same, "{} differs when it is merged", input.display());
+}
+
+#[test]
+fn files_of_every_codec_in_lines_and_tiles_merge_to_the_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    for (i, bytes) in of_every_codec((41, 37)).into_iter().enumerate() {
+        let input = folder.path().join(format!("{i}.exr"));
+        std::fs::write(&input, bytes).unwrap();
+        assert_merged(&input, &ReadOptions::default(), |size| cut(size, &[9, 30], &[5, 21]), i % 2 == 0);
+    }
+}
+
+#[test]
+fn files_of_renderers_merge_to_the_byte() {
+    let halves = ReadOptions {
+        half: Some(fixture("blender/room_seed2.exr")),
+        aovs: vec!["auto".to_owned()],
+        ..ReadOptions::default()
+    };
+    assert_merged(&fixture("blender/room_seed1.exr"), &halves, |size| cut(size, &[31], &[]), false);
+    for name in ["mitsuba/gallery_aov.exr", "mitsuba/gallery_moment.exr", "trace/foliage.exr"] {
+        assert_merged(
+            &fixture(name),
+            &ReadOptions::default(),
+            |size| cut(size, &[], &[size.1 / 3, size.1 / 2]),
+            true,
+        );
+    }
+}
+
+#[test]
+fn parts_of_other_windows_and_other_line_orders_merge_to_the_byte() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.exr");
+    let size = (40, 33);
+    let encoding = |blocks, line_order| Encoding { compression: Compression::ZIP16, blocks, line_order };
+    let tiles = Blocks::Tiles(Vec2(7, 5));
+    let part = |name, size, position, encoding, names: &[&str]| {
+        layer(Some(name), size, position, encoding, channels(size, names))
+    };
+    let decreasing = encoding(Blocks::ScanLines, LineOrder::Decreasing);
+    let parts = vec![
+        part("matte", (90, 80), (-20, -30), encoding(tiles, LineOrder::Increasing), &["id.R", "id.G"]),
+        part("rgba", size, (3, -2), decreasing, &["R", "G", "B", "A"]),
+        part("far", (9, 6), (500, 500), decreasing, &["far.R"]),
+        part("depth", size, (3, -2), encoding(tiles, LineOrder::Unspecified), &["Z"]),
+    ];
+    write(&input, IntegerBounds::new((-10, -10), (64, 64)), parts);
+    assert_merged(&input, &ReadOptions::default(), |size| cut(size, &[13], &[1, 20]), true);
+    // A region is a file of its own: its window inside the display window, its pixels as they were.
+    let region = Rect { x: 5, y: 7, width: 11, height: 9 };
+    let path = &write_regions(folder.path(), &input, &ReadOptions::default(), &[region], false)[0];
+    let (before, after) = (read_all(&input), read_all(path));
+    assert_eq!(after.attributes.display_window, before.attributes.display_window);
+    let beauty = &after.layer_data[1];
+    assert_eq!((beauty.size, beauty.attributes.layer_position), (Vec2(11, 9), Vec2(8, 5)));
+    let alpha = |image: &FlatImage| bits(&image.layer_data[1].channel_data.list[0].sample_data);
+    let expected: Vec<u32> = region.pixels().map(|(x, y)| alpha(&before)[y * size.0 + x]).collect();
+    assert_eq!(alpha(&after), expected);
+}
+
+#[test]
+fn regions_that_do_not_fit_together_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (foliage, other) = (fixture("trace/foliage.exr"), fixture("trace/fog_shaft.exr"));
+    let part = |x: usize, width: usize| Rect { x, y: 0, width, height: 15 };
+    let read = ReadOptions::default();
+    let size = Survey::open(&foliage, &read, |_| {}).unwrap().size();
+    let regions = [Rect { x: 0, y: 0, width: size.0, height: 10 }, part(0, 5), part(5, 9)];
+    let paths = write_regions(folder.path(), &foliage, &read, &regions, false);
+    let elsewhere = tempfile::tempdir().unwrap();
+    let of_other = write_regions(elsewhere.path(), &other, &read, &regions[..1], false);
+    let target = folder.path().join("merged.exr");
+    let refusal = |paths: &[&PathBuf]| {
+        let paths: Vec<PathBuf> = paths.iter().map(|path| (*path).clone()).collect();
+        let error = merge(&target, &paths).unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Lacking, "{error}");
+        error.to_string()
+    };
+    assert!(refusal(&[&paths[0], &paths[1]]).contains("overlaps"));
+    let hole = refusal(&[&paths[1], &paths[2]]);
+    assert!(hole.contains("the first at 14,0"), "{hole}");
+    assert!(refusal(&[&paths[0], &of_other[0]]).contains("another input"));
+    assert!(refusal(&[&paths[0], &foliage]).contains("--region"));
+    assert!(!target.exists());
+}
+
+fn program(arguments: &[&str]) -> std::process::Output {
+    Command::cargo_bin("apr-denoise").unwrap().args(arguments).output().unwrap()
+}
+
+const QUICK: [&str; 5] = ["--preset", "fast", "--set", "window_radius=1", "--quiet"];
+
+#[test]
+fn the_program_merges_what_it_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let input = fixture("trace/foliage.exr").to_str().unwrap().to_owned();
+    let (width, height) = Survey::open(&input, &ReadOptions::default(), |_| {}).unwrap().size();
+    let run = |arguments: &[&str]| {
+        let output = program(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let denoise = |more: &[&str]| run(&[&QUICK[..], more].concat());
+    denoise(&[&input, &path("whole.exr")]);
+    denoise(&[&input, &path("a.exr"), "--region", &format!("0,0,{width},11"), "--report", &path("a.json")]);
+    denoise(&[&input, &path("b.exr"), "--region", &format!("0,11,{width},{}", height - 11)]);
+    run(&["merge", &path("merged.exr"), &path("b.exr"), &path("a.exr")]);
+    assert_eq!(std::fs::read(path("whole.exr")).unwrap(), std::fs::read(path("merged.exr")).unwrap());
+    assert!(std::fs::read_to_string(path("a.json")).unwrap().contains("\"estimated_error\""));
+
+    let c = path("c.exr");
+    let other = [&QUICK[..], &[&input, &c, "--region", "0,0,5,11", "--set", "max_order=1"]].concat();
+    run(&other);
+    let refused = program(&["merge", &path("merged.exr"), &path("b.exr"), &path("c.exr")]);
+    assert_eq!(refused.status.code(), Some(4));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("other options"));
+    for (region, word) in [("0,0,9999,1", "not inside"), ("1,2,3", "expected x,y,width,height")] {
+        let refused = program(&[&input, &path("d.exr"), "--region", region]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(word), "{refused:?}");
+    }
+}
+
+#[test]
+fn a_bound_of_memory_changes_no_bit_and_is_kept() {
+    const SIZE: (usize, usize) = (96, 900);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, whole, bands) = (path("in.exr"), path("whole.exr"), path("bands.exr"));
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B", "depth.Z", "A"];
+    let encoding = scan_lines(Compression::ZIP16);
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names)));
+    let run = |output: &str, more: &[&str]| {
+        let files = [&input[..], output, "--aux", "--set", "outliers.energy_radius=3"];
+        program(&[&files, &QUICK[..], more].concat())
+    };
+    assert!(run(&whole, &[]).status.success());
+    let refused = run(&bands, &["--memory", "1M"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    let least = message.trim().rsplit_once("at least ").expect(&message).1.to_owned();
+
+    let report = path("report.json");
+    let bounded = run(&bands, &["--memory", &least, "--report", &report]);
+    assert!(bounded.status.success(), "{}", String::from_utf8_lossy(&bounded.stderr));
+    assert_eq!(std::fs::read(whole).unwrap(), std::fs::read(bands).unwrap());
+    let report: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
+    assert!(report["bands"].as_u64().unwrap() > 2, "{}", report["bands"]);
+    let bound: u64 = least.trim_end_matches('M').parse().unwrap();
+    for stage in report["stages"].as_array().unwrap() {
+        let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
+        assert!(peak <= bound << 20, "{stage}");
+    }
+}
