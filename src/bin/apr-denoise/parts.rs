@@ -62,8 +62,8 @@ impl FromStr for MemoryBound {
 
 /// A render that was read, or looked through and is read part by part.
 pub enum Input {
-    Whole(Picture),
-    Parts(Surveyed),
+    Whole(Box<Picture>),
+    Parts(Box<Surveyed>),
 }
 
 /// A render that is denoised in parts.
@@ -88,13 +88,13 @@ impl Input {
     pub fn read(job: &Job, arguments: &Arguments, denoiser: &Denoiser, frames: usize) -> Result<Self> {
         let read = arguments.read_options(job);
         if arguments.region.is_none() && arguments.memory.is_none() {
-            return Ok(Self::Whole(Picture::read(&job.input, &read)?));
+            return Ok(Self::Whole(Box::new(Picture::read(&job.input, &read)?)));
         }
         let Some(options) = denoiser.pipeline() else {
             let what = format!("the method {} needs the whole picture", denoiser.method().name());
             return Err(Error::new(ErrorKind::Usage, what).remedy("leave --region and --memory out"));
         };
-        Surveyed::new(job, &read, arguments, options, frames).map(Self::Parts)
+        Surveyed::new(job, &read, arguments, options, frames).map(|surveyed| Self::Parts(Box::new(surveyed)))
     }
 
     pub fn layout(&self) -> &Layout {
@@ -134,7 +134,8 @@ impl Input {
     pub fn write(&self, job: &Job, denoised: &Denoised, arguments: &Arguments) -> Result<Vec<String>> {
         match self {
             Self::Whole(picture) => picture.write(&job.output, denoised, arguments.aux),
-            Self::Parts(Surveyed { survey, target, .. }) if arguments.region.is_some() => {
+            Self::Parts(surveyed) if arguments.region.is_some() => {
+                let Surveyed { survey, target, .. } = &**surveyed;
                 survey.write_region(&job.output, *target, denoised, arguments.aux)
             }
             Self::Parts(surveyed) => surveyed.survey.write(&job.output, denoised, arguments.aux),
