@@ -156,9 +156,9 @@ impl<'a> Run<'a> {
 
     fn write(&self, job: &Job, picture: &Picture, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
         clock.begin("write");
+        let sampling = Sampling::new(picture, self.denoiser, denoised, job, self.arguments.target_error)?;
         let notes = picture.write(&job.output, denoised, self.arguments.aux)?;
         let stages = clock.finish();
-        let sampling = Sampling::new(picture, denoised, job, self.arguments.target_error)?;
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
         }
