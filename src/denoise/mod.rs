@@ -130,7 +130,8 @@ pub fn denoise_part(
     let smoothed: Rgb = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
 
     // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
-    let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
+    let trusted = variance.each_ref().map(variance::trusted);
+    let guides = Guides::new(&clean.color, &trusted, albedo.as_ref(), options);
     let basis = Basis::new(options.window_radius, features.len(), options.max_order);
     let areas =
         areas(part, outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size), options);
