@@ -75,6 +75,17 @@ pub struct Arguments {
     /// Go on with the other frames when one fails; the exit code is that of the first that failed.
     #[arg(long, help_heading = "Sequences")]
     pub keep_going: bool,
+    /// Let the samples of up to N frames before and N after join each frame's: less noise, less flicker.
+    /// They are found by motion vectors where the files have them, else nothing is taken to move but the
+    /// light. Frames beside that have no file are done without.
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        value_parser = clap::value_parser!(u8).range(0..=8),
+        help_heading = "Sequences"
+    )]
+    pub temporal: u8,
     /// Write one report for all frames.
     #[arg(long, value_name = "FILE.json", help_heading = "Sequences")]
     pub sequence_report: Option<PathBuf>,
@@ -154,7 +165,7 @@ impl Arguments {
             half: job.half.clone(),
             with: job.with.clone(),
             aovs: self.aov.clone(),
-            motion: false,
+            motion: self.temporal > 0,
         }
     }
 }

@@ -14,6 +14,7 @@ mod run;
 mod sampling;
 mod sequence_report;
 mod settings;
+mod shot;
 mod signals;
 mod signature;
 

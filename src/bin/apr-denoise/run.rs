@@ -1,7 +1,8 @@
 //! The run: one frame or many, the next being read and the last being written while one is computed.
 //!
 //! Three frames are held at most: one that was read and waits, one that is denoised, one that is
-//! written. The order of the work changes no bit of any result.
+//! written; with `--temporal N` also those beside them, 2N + 3 in all. The order of the work changes no bit
+//! of any result.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -23,6 +24,7 @@ use crate::progress::Progress;
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
+use crate::shot::{Shelf, Shot};
 
 /// What all frames share.
 struct Run<'a> {
@@ -94,15 +96,22 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
 }
 
 impl<'a> Run<'a> {
-    fn read_all(&'a self, next: &SyncSender<Step<'a, Picture>>) {
+    fn read_all(&'a self, next: &SyncSender<Step<'a, Shot>>) {
+        let mut shelf = Shelf::default();
+        let reach = i32::from(self.arguments.temporal);
         for (index, job) in self.plan.jobs.iter().enumerate() {
             if index > self.last.load(Ordering::Relaxed) {
                 return;
             }
             let progress = self.progress.of_frame(index, job.frame.map(|_| job.label()));
             let clock = Clock::new(progress, self.plan.jobs.len() == 1);
-            let picture = self.tried(index, || self.read(job, &clock));
-            let Some(content) = picture else { continue };
+            let shot = self.tried(index, || {
+                clock.begin("read");
+                let shot = shelf.shot(self.plan, job, reach, |job| self.read(job));
+                clock.pause();
+                shot
+            });
+            let Some(content) = shot else { continue };
             if next.send(Step { index, clock, content }).is_err() {
                 return;
             }
@@ -111,10 +120,10 @@ impl<'a> Run<'a> {
 
     fn denoise_all(
         &'a self,
-        pictures: &Receiver<Step<'a, Picture>>,
-        next: &SyncSender<Step<'a, (Picture, Denoised)>>,
+        shots: &Receiver<Step<'a, Shot>>,
+        next: &SyncSender<Step<'a, (Shot, Denoised)>>,
     ) {
-        for Step { index, clock, content: picture } in pictures {
+        for Step { index, clock, content: shot } in shots {
             if index > self.last.load(Ordering::Relaxed) {
                 continue;
             }
@@ -122,42 +131,42 @@ impl<'a> Run<'a> {
                 if self.denoiser.pipeline().is_none() {
                     clock.begin(self.denoiser.method().name()); // which tells of no stages
                 }
-                let denoised = self.denoiser.denoise(picture.frame(), &clock);
+                let denoised =
+                    self.denoiser.denoise_in_sequence(shot.picture.frame(), &shot.neighbours(), &clock);
                 clock.pause();
                 denoised
             });
             let Some(denoised) = denoised else { continue };
-            if next.send(Step { index, clock, content: (picture, denoised) }).is_err() {
+            if next.send(Step { index, clock, content: (shot.alone(), denoised) }).is_err() {
                 return;
             }
         }
     }
 
-    fn write_all(&self, results: &Receiver<Step<'a, (Picture, Denoised)>>) {
-        for Step { index, clock, content: (picture, denoised) } in results {
-            let written =
-                self.tried(index, || self.write(&self.plan.jobs[index], &picture, &denoised, clock));
+    fn write_all(&self, results: &Receiver<Step<'a, (Shot, Denoised)>>) {
+        for Step { index, clock, content: (shot, denoised) } in results {
+            let written = self.tried(index, || self.write(&self.plan.jobs[index], &shot, &denoised, clock));
             if let Some(outcome) = written {
                 self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
             }
         }
     }
 
-    fn read(&self, job: &Job, clock: &Clock) -> Result<Picture> {
-        clock.begin("read");
+    fn read(&self, job: &Job) -> Result<Picture> {
         let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
         picture.sign(self.signature);
-        clock.pause();
         if !self.arguments.quiet {
             picture.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
         }
         Ok(picture)
     }
 
-    fn write(&self, job: &Job, picture: &Picture, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
+    fn write(&self, job: &Job, shot: &Shot, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
         clock.begin("write");
+        let picture = &*shot.picture;
         let sampling = Sampling::new(picture, self.denoiser, denoised, job, self.arguments.target_error)?;
-        let notes = picture.write(&job.output, denoised, self.arguments.aux)?;
+        let mut notes = picture.write(&job.output, denoised, self.arguments.aux)?;
+        notes.extend(shot.note());
         let stages = clock.finish();
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
