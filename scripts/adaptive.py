@@ -1,124 +1,79 @@
 #!/usr/bin/env python3
 """Compare renders in rounds with uniform ones of as many samples, on the shipped scenes.
 
-  python3 scripts/adaptive.py [--spp 32] [--seeds 3] [--reference 1024] [--scale 0.625] [--scenes NAME,…]
+  python3 scripts/adaptive.py [--spp 32] [--seeds 3] [--scale 0.625] [--scenes NAME,…]
 
-Prints the table of docs/SAMPLING.md: relMSE (ε = 0.01) after denoising with the default options, without
-the references' noise, each the mean over the seeds; what the estimates between the rounds
-cost; and the ratio at equal seconds, for which the uniform picture gets as many more samples as the
-render in rounds took longer. Renders go to target/adaptive; references are kept between runs.
+Prints the table of docs/SAMPLING.md: relMSE (ε = 0.01) after denoising with the default options, less the
+references' own noise, each the mean over the seeds; what the rounds cost; the ratio at equal seconds, for which
+the uniform picture gets as many more samples as the render in rounds took longer; and how far the mean of
+the picture, not denoised, is from the reference's. Seconds are of processor time. Renders go to target/shipped
+and are made anew; references are kept.
 """
 
 import argparse
 import json
-import math
-import shutil
-import subprocess
+import statistics
 
-import environments
+import shipped
 
-ROOT = environments.ROOT
-WORK = ROOT / "target" / "adaptive"
-FIRST_SEED = 1
-REFERENCE_SEEDS = (98, 99)
+VARIANTS = [{"name": "apr", "method": "apr"}]
 
-
-def program(name, *arguments):
-    done = subprocess.run([ROOT / "target" / "release" / name, *map(str, arguments)], check=True, stdout=subprocess.PIPE)
-    return done.stdout.decode()
+def rendered(scene, name, *arguments):
+    """A render made anew, and its processor seconds."""
+    (scene.folder / f"{name}.exr").unlink(missing_ok=True)
+    return scene.render(name, *arguments)
 
 
-def scaled(scene, scale):
-    """The scene at another resolution, beside copies of the files it names."""
-    folder = WORK / "scenes"
-    source = ROOT / "fixtures" / "scenes"
-    if not folder.exists():
-        shutil.copytree(source, folder)
-    description = json.loads((source / f"{scene}.json").read_text())
-    camera = description["camera"]
-    camera["resolution"] = [round(scale * size) for size in camera["resolution"]]
-    path = folder / f"{scene}.json"
-    path.write_text(json.dumps(description))
-    return path
+def measure(name, options):
+    """Of a scene: errors {uniform, adaptive, longer}, energies {uniform, adaptive}, each a list over the seeds; and
+    what the rounds took longer and their estimates took, as shares."""
+    scene = shipped.Scene(name, options.scale)
+    renders, more, overheads = [], [], []
+    for seed in range(1, options.seeds + 1):
+        common = ["--seed", seed, "--threads", 1, "--spp"]
+        uniform, uniform_seconds = rendered(scene, f"uniform{seed}", *common, options.spp)
+        report = scene.folder / "rounds.json"
+        adaptive, seconds = rendered(scene, f"adaptive{seed}", *common, options.spp, "--adaptive", "--report", report)
+        more.append(seconds / uniform_seconds)
+        overheads.append(json.loads(report.read_text())["adaptive"]["overhead"])
+        longer, _ = rendered(scene, f"longer{seed}", *common, max(1, round(options.spp * more[-1])))
+        renders += [uniform, adaptive, longer]
+    measured = scene.sweep(renders, VARIANTS)
+    errors = [one["runs"][0]["scores"]["rel_mse"] - measured["reference_noise"] for one in measured["inputs"]]
+    energies = [one["noisy"]["energy"] for one in measured["inputs"]]
+    return [errors[i::3] for i in range(3)], [energies[i::3] for i in range(2)], more, overheads
 
 
-def trace(scene, out, *arguments):
-    """Renders and returns the report."""
-    report = out.with_suffix(".json")
-    program("apr-trace", scene, out, "--quiet", "--report", report, *arguments)
-    return json.loads(report.read_text())
-
-
-def difference(result, reference):
-    return json.loads(program("apr-compare", result, reference, "--json"))["results"][0]["rel_mse"]
-
-
-class Truth:
-    """Two references: what they agree on is no noise of theirs."""
-
-    def __init__(self, scene, folder, samples):
-        self.references = [folder / f"ref{samples}_{seed}.exr" for seed in REFERENCE_SEEDS]
-        for path, seed in zip(self.references, REFERENCE_SEEDS):
-            if not path.exists():
-                trace(scene, path, "--reference", samples, "--seed", seed)
-        self.noise = difference(*self.references)
-
-    def error(self, render):
-        """relMSE of the denoised render, without the references' noise."""
-        denoised = render.with_name("denoised.exr")
-        program("apr-denoise", render, denoised, "--quiet")
-        return 0.5 * (sum(difference(denoised, reference) for reference in self.references) - self.noise)
-
-
-def measure(scene, options):
-    folder = WORK / scene
-    folder.mkdir(parents=True, exist_ok=True)
-    description = scaled(scene, options.scale)
-    truth = Truth(description, folder, options.reference // len(REFERENCE_SEEDS))
-    uniform, adaptive, longer, overhead, slower = 0.0, 0.0, 0.0, 0.0, 0.0
-    for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
-        out = folder / "render.exr"
-        one = trace(description, out, "--spp", options.spp, "--seed", seed)
-        uniform += truth.error(out)
-        two = trace(description, out, "--spp", options.spp, "--seed", seed, "--adaptive")
-        adaptive += truth.error(out)
-        overhead += two["adaptive"]["overhead"]
-        slower += two["seconds"] / one["seconds"]
-        more = max(1, round(options.spp * two["seconds"] / one["seconds"]))
-        trace(description, out, "--spp", more, "--seed", seed)
-        longer += truth.error(out)
-    return [value / options.seeds for value in (uniform, adaptive, longer, overhead, slower)]
-
-
-def geometric_mean(values):
-    return math.exp(sum(map(math.log, values)) / len(values))
+def percent(values):
+    """Mean and its standard deviation."""
+    deviation = statistics.stdev(values) / len(values) ** 0.5 if len(values) > 1 else float("nan")
+    return f"{100 * statistics.mean(values):+.2f} ± {100 * deviation:.2f} %"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--spp", type=int, default=32)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--reference", type=int, default=1024)
     parser.add_argument("--scale", type=float, default=0.625)
     parser.add_argument("--scenes", help="comma-separated; all of fixtures/scenes by default")
     options = parser.parse_args()
-    scenes = sorted(path.stem for path in (ROOT / "fixtures" / "scenes").glob("*.json"))
-    if options.scenes:
-        scenes = options.scenes.split(",")
-    subprocess.run(["cargo", "build", "--release", "--bins"], cwd=ROOT, check=True)
-    print("| scene | uniform | adaptive | ratio | ratio at equal seconds | overhead | seconds, of uniform's |")
-    print("|---|--:|--:|--:|--:|--:|--:|")
-    ratios, timed = [], []
-    for scene in scenes:
-        uniform, adaptive, longer, overhead, slower = measure(scene, options)
+    shipped.build()
+    scenes = options.scenes.split(",") if options.scenes else shipped.names()
+    print("| scene | uniform | adaptive | ratio | seconds | ratio at equal seconds | overhead | mean, uniform | mean, adaptive |")
+    print("|---|--:|--:|--:|--:|--:|--:|--:|--:|")
+    ratios, equal = [], []
+    for name in scenes:
+        errors, energies, more, overheads = measure(name, options)
+        uniform, adaptive, longer = map(statistics.mean, errors)
         ratios.append(adaptive / uniform)
-        timed.append(adaptive / longer)
+        equal.append(adaptive / longer)
         print(
-            f"| {scene} | {uniform:.6f} | {adaptive:.6f} | {ratios[-1]:.2f} | {timed[-1]:.2f} "
-            f"| {overhead:.1%} | {slower:.2f} |",
+            f"| {name} | {uniform:.6f} | {adaptive:.6f} | {ratios[-1]:.2f} | {statistics.mean(more):.2f} "
+            f"| {equal[-1]:.2f} | {statistics.mean(overheads):.1%} | {percent(energies[0])} | {percent(energies[1])} |",
             flush=True,
         )
-    print(f"| *geometric mean* | | | {geometric_mean(ratios):.2f} | {geometric_mean(timed):.2f} | | |")
+    means = [f"{shipped.geometric_mean(column):.2f}" for column in (ratios, equal)]
+    print(f"| *geometric mean* | | | {means[0]} | | {means[1]} | | | |")
 
 
 main()

@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Paths per second of apr-trace beside Mitsuba 3, on the scenes of fixtures/scenes.
 
-  python3 scripts/mitsuba_speed.py [SCENE …] [--size 256x192] [--spp 32] [--json FILE]
+  python3 scripts/mitsuba_speed.py [SCENE …] [--size 256x192] [--spp 32] [--repeat 3] [--json FILE]
 
 Same scene, camera, resolution, samples, depths and box filter, one after the other in one run, on all
 cores. apr-trace is timed with and without features (Mitsuba renders colour alone). llvm_ad_rgb renders
-once before, since it compiles then. Columns are million paths per second of wall clock, and in brackets
+once before, since it compiles then. The four take turns --repeat times and the least time of each counts, since
+other work on the machine only ever adds. Columns are million paths per second of wall clock, and in brackets
 per second of processor time, which other work on the machine disturbs less. Loading is not counted.
 Needs target/release/apr-trace; llvm_ad_rgb needs LLVM (Debian: libllvm19, and DRJIT_LIBLLVM_PATH).
 """
@@ -77,6 +78,11 @@ def render_mitsuba(path, spp, variant):
     print(json.dumps(timed(lambda: render(1), resource.RUSAGE_SELF)))
 
 
+def least(turns):
+    """The least wall clock and processor time of each column; None where a column cannot run."""
+    return [None if None in column else [min(times) for times in zip(*column)] for column in zip(*turns)]
+
+
 def main():
     import mitsuba_convert as convert
 
@@ -84,13 +90,14 @@ def main():
     parser.add_argument("scenes", nargs="*", help="names in fixtures/scenes; all by default")
     parser.add_argument("--size", default="256x192")
     parser.add_argument("--spp", type=int, default=32)
+    parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--json", type=pathlib.Path)
     options = parser.parse_args()
     width, height = map(int, options.size.split("x"))
     paths = width * height * options.spp / 1e6
     names = options.scenes or sorted(path.stem for path in (ROOT / "fixtures" / "scenes").glob("*.json"))
     columns = ["own", "own, no features", "scalar_rgb", "llvm_ad_rgb"]
-    print(f"million paths per second of wall clock (of processor time), {options.size}, {options.spp} spp, {os.cpu_count()} cores")
+    print(f"Mitsuba {mi.__version__}: million paths per second of wall clock (of processor time), {options.size}, {options.spp} spp, {os.cpu_count()} cores")
     print("| scene | " + " | ".join(columns) + " | own / scalar | llvm / own |\n|---|" + "---|" * 6)
     table = {}
     for name in names:
@@ -100,8 +107,9 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             path = pathlib.Path(folder) / "scene.json"
             path.write_text(json.dumps(scene))
-            seconds = [own(path, options.spp, "first-hit"), own(path, options.spp, "none"),
-                       mitsuba(path, options.spp, "scalar_rgb"), mitsuba(path, options.spp, "llvm_ad_rgb")]
+            seconds = least([[own(path, options.spp, "first-hit"), own(path, options.spp, "none"),
+                              mitsuba(path, options.spp, "scalar_rgb"), mitsuba(path, options.spp, "llvm_ad_rgb")]
+                             for _ in range(options.repeat)])
         rates = [pair and [paths / s for s in pair] for pair in seconds]
         table[name] = dict(zip(columns, rates))
         cells = [f"{r[0]:.2f} ({r[1]:.2f})" if r else "–" for r in rates]

@@ -5,13 +5,15 @@
 
 writes one EXR for each render and mode into FOLDER, and FOLDER/rivals.json. Modes: colour alone;
 with noisy albedo and normal; with both prefiltered and taken as clean. Renders need this project's
-channel names. Seconds are the filters' own, without reading and writing, the best of three runs.
+channel names. Seconds are the filters' own, without reading and writing: the best of three runs by the
+clock; of processor time what two further runs add to the program's.
 """
 
 import json
 import os
 import pathlib
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -40,12 +42,24 @@ def read_pfm(path):
     return np.frombuffer(data, "<f4").reshape(height, width, 3)[::-1]
 
 
-def filter_seconds(*arguments):
-    """Runs the program and tells the seconds of its filter."""
-    environment = dict(os.environ, LD_LIBRARY_PATH=str(ROOT / "lib"))
-    command = [PROGRAM, "-d", "cpu", "-n", "3", *map(str, arguments)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    return min(float(ms) for ms in re.findall(r"^\s*msec=([0-9.]+)", done.stdout, re.M)) / 1e3
+class Seconds:
+    """Of the filters run so far, by the clock and of processor time."""
+
+    def __init__(self):
+        self.clock, self.processor = 0.0, 0.0
+
+    def run(self, *arguments):
+        """Runs the program once with one run of its filter, once with three."""
+        environment = dict(os.environ, LD_LIBRARY_PATH=str(ROOT / "lib"))
+        spent = []
+        for runs in (1, 3):
+            command = [PROGRAM, "-d", "cpu", "-n", str(runs), *map(str, arguments)]
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+            spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        self.clock += min(float(ms) for ms in re.findall(r"^\s*msec=([0-9.]+)", done.stdout, re.M)) / 1e3
+        self.processor += max(0.0, (spent[1] - spent[0]) / 2)
 
 
 def modes(render, scratch):
@@ -55,14 +69,24 @@ def modes(render, scratch):
     write_pfm(color, read(render, ["R", "G", "B"]).clip(0, None))
     write_pfm(albedo, read(render, ["albedo.R", "albedo.G", "albedo.B"]).clip(0, 1))
     write_pfm(normal, read(render, ["normal.X", "normal.Y", "normal.Z"]).clip(-1, 1))
-    seconds = filter_seconds("--hdr", color, "-o", out)
-    yield "OIDN colour", read_pfm(out), seconds
-    seconds = filter_seconds("--hdr", color, "--alb", albedo, "--nrm", normal, "-o", out)
-    yield "OIDN features", read_pfm(out), seconds
-    seconds = filter_seconds("--alb", albedo, "-o", clean_albedo) + filter_seconds("--nrm", normal, "-o", clean_normal)
-    features = ["--alb", clean_albedo, "--nrm", clean_normal, "--clean_aux"]
-    seconds += filter_seconds("--hdr", color, *features, "-o", out)
-    yield "OIDN prefiltered", read_pfm(out), seconds
+    features = ["--alb", albedo, "--nrm", normal]
+    clean_features = ["--alb", clean_albedo, "--nrm", clean_normal, "--clean_aux"]
+    for name, filters in (
+        ("colour", [["--hdr", color, "-o", out]]),
+        ("features", [["--hdr", color, *features, "-o", out]]),
+        (
+            "prefiltered",
+            [
+                ["--alb", albedo, "-o", clean_albedo],
+                ["--nrm", normal, "-o", clean_normal],
+                ["--hdr", color, *clean_features, "-o", out],
+            ],
+        ),
+    ):
+        seconds = Seconds()
+        for arguments in filters:
+            seconds.run(*arguments)
+        yield f"OIDN {name}", read_pfm(out), seconds
 
 
 def main():
@@ -76,7 +100,8 @@ def main():
                 file = f"{i}_{j}.exr"
                 channels = {c: np.ascontiguousarray(picture[..., k]) for k, c in enumerate("RGB")}
                 OpenEXR.File({}, channels).write(str(folder / file))
-                rivals.append({"name": name, "input": render, "picture": file, "seconds": seconds})
+                times = {"seconds": seconds.clock, "processor_seconds": seconds.processor}
+                rivals.append({"name": name, "input": render, "picture": file, **times})
     (folder / "rivals.json").write_text(json.dumps(rivals, indent=1))
 
 

@@ -1,21 +1,16 @@
 //! Rendering in rounds with the bundled tracer: a uniform first one, then rounds whose samples go
 //! where the denoised picture's estimated error falls fastest (Moon et al. 2016, last part).
 //!
-//! Between two rounds the picture is denoised just well enough to tell where it is hard: at half the
-//! resolution, with sparse centres, straight lines and no step that the ranking does without.
-//! `[choice]` 5 ms of processor time for 160×120 pixels where the default takes 280, and it ranks pixels as
-//! well: predicted error against uniform samples 0.68 from 8 samples per pixel, by the default's 0.69.
-//!
-//! Samples that are chosen after seeing earlier ones bias the mean: a pixel whose first samples were all
-//! dark looks finished and keeps its dark mean. The error map is averaged over 10×10 pixels, so that a
-//! pixel has little say in its own share; docs/SAMPLING.md tells what bias is left.
+//! Samples that are chosen after seeing earlier ones of the same pixel would bias its mean. [`crossed_error`]
+//! judges every pixel by others alone.
 
-use crate::denoise::denoise;
+mod crossed;
+
+pub use crossed::crossed_error;
+
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::Plane;
-use crate::options::{Kernel, Options};
-use crate::sampling::{SamplingOptions, allocate, mean_error, relative_error};
-use crate::trace::{Film, Renderer, Samples};
+use crate::sampling::{SamplingOptions, allocate, mean_error};
+use crate::trace::{Renderer, Samples};
 
 /// Options of a render in rounds.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,7 +86,7 @@ pub fn render(
         observer(Step::Traced(samples));
         let mut round = Round { samples, estimated_error: None };
         let wanted = left > 0 || options.target_error.is_some();
-        let error = wanted.then(|| estimate(renderer.film())).transpose()?;
+        let error = wanted.then(|| crossed_error(&renderer.film().to_plain_frame()?)).transpose()?;
         if let Some(error) = &error {
             let mean = mean_error(error);
             observer(Step::Estimated(mean));
@@ -132,33 +127,4 @@ fn check(renderer: &Renderer, options: &AdaptiveOptions) -> Result<()> {
         return usage("the render has begun already".into(), "begin anew, without a checkpoint");
     }
     Ok(())
-}
-
-/// The estimated relative error of every pixel of the picture so far, were it denoised.
-///
-/// # Errors
-/// When the picture has no pixel.
-pub fn estimate(film: &Film) -> Result<Plane> {
-    let frame = film.to_coarse_frame()?;
-    let coarse = relative_error(&frame, &denoise(&frame, &quick())?);
-    // A block's mean has a quarter of its pixels' variance, and the error is the root of it times the risk.
-    let pixels_of_block: f32 = 4.0;
-    let full = pixels_of_block.sqrt();
-    Ok(Plane::from_fn(film.width(), film.height(), |x, y| full * coarse.get(x / 2, y / 2)))
-}
-
-/// The denoiser that only has to tell where the picture is hard.
-fn quick() -> Options {
-    let mut options = Options {
-        window_radius: 6,
-        center_spacing: 8,
-        min_coverage: 0.0,
-        max_order: 1,
-        stages: vec![vec![Kernel { patch_radius: 1, bandwidth: 1.0, demodulate: false }]; 2],
-        restore: false,
-        ..Options::default()
-    };
-    options.outliers.enabled = false;
-    options.prefilter.enabled = false;
-    options
 }

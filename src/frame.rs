@@ -293,6 +293,15 @@ impl Denoised {
     }
 }
 
+/// A frame beside the one that was denoised.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct Beside {
+    /// Frames from this one to it, negative before.
+    pub offset: i32,
+    /// Mean over the pixels of how far its samples are trusted, 0 to 1.
+    pub trusted: f32,
+}
+
 /// Counts and decisions of one run, for the report.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
 pub struct Summary {
@@ -318,6 +327,8 @@ pub struct Summary {
     pub orders: [usize; 4],
     /// Columns of the features that the fit uses.
     pub columns: Vec<String>,
+    /// Frames beside this one that were used.
+    pub beside: Vec<Beside>,
     /// Things done without or left out, each with its reason.
     pub notes: Vec<String>,
 }

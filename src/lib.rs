@@ -53,7 +53,7 @@ pub mod sampling;
 pub mod tone;
 pub mod trace;
 
-pub use denoise::denoise;
+pub use denoise::{Neighbours, denoise, denoise_in_sequence};
 pub use error::{Error, ErrorKind, Result};
 pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Motion, Summary};
 pub use options::Options;

@@ -19,7 +19,7 @@ const ARROWS: [(&str, &[&str]); 14] = [
     ("trace", &["error", "image", "frame"]),
     ("sampling", &["error", "image", "frame"]),
     // The rounds of a render: the one place that knows both the tracer and the denoiser.
-    ("adaptive", &["error", "image", "options", "denoise", "sampling", "trace"]),
+    ("adaptive", &["error", "image", "frame", "options", "denoise", "sampling", "trace"]),
     ("lib", &[]),
 ];
 

@@ -7,9 +7,11 @@
 //! logarithms of the ratios, one tail of 0.1 %). Numbers and therefore verdicts are the same in every
 //! run.
 //!
-//! Where one sample in a hundred is a firefly, this holds from 16 samples on. With fewer, the samples of
-//! most pixels do not tell that there are any: their variance is 0, and the error is what fireflies
-//! happen to fall on the picture, four samples having fewer of them than eight.
+//! Where one sample in a hundred is a firefly, this holds from 16 samples on. With fewer, fireflies are so
+//! sparse that the outlier step takes each of them out and spreads its light evenly, which suits this scene;
+//! from 16 on they are each other's neighbours, and it lets them pass: from 4 to 16 samples the error rises
+//! from 0.015 to 0.025, the input's being 2.4 and 0.56. (It was 0.07 to 0.5 while pixels whose few samples
+//! all missed the light were believed to have no noise.)
 
 use apr::image::{Plane, Rgb};
 use apr::{Feature, FeatureKind, Frame, Options, denoise};

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use apr::ErrorKind;
+use exr::prelude::Compression;
 use exr_files::*;
 use exr_to_frame::read_and_write;
 use proptest::prelude::*;
@@ -123,9 +124,52 @@ fn hostile_headers_are_refused_in_little_memory() {
     assert_eq!(limited(&path).status.code(), Some(0), "the limit itself is no obstacle");
 }
 
+/// A block of 38 kB whose zeros go on for 64 MiB, in the place of one that holds what it announces.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_block_that_unpacks_to_more_than_it_announces_is_refused_in_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb.exr");
+    let write_zeros = |size: (usize, usize)| {
+        let channels = ["R", "G", "B", "A"].map(|name| float(name, vec![0.0; size.0 * size.1])).into();
+        write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::ZIP16), channels));
+        std::fs::read(&path).unwrap()
+    };
+    // The only block is at the end of the file: its row, its length, its content.
+    let (large, mut small) = (write_zeros((1 << 18, 16)), write_zeros((640, 16)));
+    let block = |file: &[u8]| {
+        let table = file.len() - (8..file.len()).find(|back| starts_block(file, *back)).unwrap();
+        u64::from_le_bytes(file[table - 8..table].try_into().unwrap()) as usize
+    };
+    let (from, to) = (block(&large), block(&small));
+    small.truncate(to);
+    small.extend(&large[from..]);
+    std::fs::write(&path, small).unwrap();
+    let output = limited_to(64 << 10, &path);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+}
+
+/// Whether the bytes `back` from the end are a table of one block that points behind itself.
+fn starts_block(file: &[u8], back: usize) -> bool {
+    let at = file.len() - back;
+    at >= 8 && u64::from_le_bytes(file[at - 8..at].try_into().unwrap()) == at as u64
+}
+
 #[cfg(target_os = "linux")]
 fn limited(path: &Path) -> std::process::Output {
-    let script = "ulimit -v 524288; exec \"$0\" --threads 1 --inspect \"$1\"";
+    limited_to(512 << 10, path)
+}
+
+/// The program on `path` with no more than so many KiB of address space.
+#[cfg(target_os = "linux")]
+fn limited_to(kib: u32, path: &Path) -> std::process::Output {
+    let script = "ulimit -v \"$2\"; exec \"$0\" --threads 1 --inspect \"$1\"";
     let program = env!("CARGO_BIN_EXE_apr-denoise");
-    std::process::Command::new("sh").args(["-c", script, program]).arg(path).output().unwrap()
+    std::process::Command::new("sh")
+        .args(["-c", script, program])
+        .arg(path)
+        .arg(kib.to_string())
+        .output()
+        .unwrap()
 }

@@ -273,3 +273,23 @@ fn a_target_that_is_not_met_ends_with_its_own_code_and_a_map() {
     let (code, _, complaints) = target("-1");
     assert!(code == 2 && complaints.contains("above 0"), "{complaints}");
 }
+
+/// Wavelets ask for samples themselves and know no error; a target must not be taken for met.
+#[test]
+fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output, map) =
+        (render(folder.path()), folder.path().join("out.exr"), folder.path().join("map.exr"));
+    let mut command = program();
+    command.args([&input, &output]).args(["--method", "wavelet", "--target-error", "0.1"]);
+    let (code, _, complaints) = run(&mut command);
+    assert!(code == 4 && complaints.contains("wavelet has no estimate"), "{complaints}");
+    assert!(!output.exists());
+    let mut command = program();
+    command.args([&input, &output]).args(["--method", "wavelet", "--sampling-map"]).arg(&map);
+    assert_eq!(run(&mut command).0, 0);
+    let file = exr_files::read_all(&map);
+    let densities: Vec<f32> = file.layer_data[0].channel_data.list[0].sample_data.values_as_f32().collect();
+    let mean = densities.iter().sum::<f32>() / densities.len() as f32;
+    assert!((mean - 1.0).abs() < 1e-4 && densities.iter().any(|&d| d != densities[0]), "{mean}");
+}

@@ -21,7 +21,7 @@ mod patches;
 pub mod student;
 pub mod wavelet;
 
-use crate::denoise::{Facts, Observer, Part, denoise_observed, denoise_part};
+use crate::denoise::{Facts, Neighbours, Observer, Part, denoise_in_sequence, denoise_part};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::options::{Options, PrefilterOptions, replaced};
@@ -176,16 +176,31 @@ impl Denoiser {
     /// # Errors
     /// When an option is out of its range.
     pub fn denoise(&self, frame: &Frame, observer: &dyn Observer) -> Result<Denoised> {
+        self.denoise_in_sequence(frame, &Neighbours::default(), observer)
+    }
+
+    /// As [`Denoiser::denoise`], with the samples of the frames beside `frame`; of the methods only the
+    /// pipeline has a use for them.
+    ///
+    /// # Errors
+    /// When an option is out of its range.
+    pub fn denoise_in_sequence(
+        &self,
+        frame: &Frame,
+        neighbours: &Neighbours<'_>,
+        observer: &dyn Observer,
+    ) -> Result<Denoised> {
         match self {
-            Self::Apr(options) => denoise_observed(frame, options, observer),
+            Self::Apr(options) => denoise_in_sequence(frame, neighbours, options, observer),
             Self::Nlm(options) => nlm::denoise(frame, options),
             Self::Lp(options) => lp::denoise(frame, options),
             Self::Wavelet(options) => wavelet::denoise(frame, options),
             Self::Nfor(options) => nfor::denoise(frame, options),
-            Self::Student(options) => denoise_observed(frame, options, observer).map(|mut denoised| {
+            Self::Student(options) => {
+                let mut denoised = denoise_in_sequence(frame, neighbours, options, observer)?;
                 denoised.summary.method = Method::Student.name();
-                denoised
-            }),
+                Ok(denoised)
+            }
         }
     }
 }

@@ -51,17 +51,25 @@ impl Basis {
         self.max_order
     }
 
-    /// Writes the columns of `window`, each `window.stride` long; beyond its pixels nothing is written.
+    /// Writes the columns of `window` from `from` on in every `stride` of `out`, the features less `centre`'s
+    /// at the centre; beyond the window's pixels nothing is written.
     #[inline(always)]
-    pub fn fill(&self, window: &Window, features: &[Plane], out: &mut [f32]) {
+    pub fn fill(
+        &self,
+        window: &Window,
+        features: &[Plane],
+        centre: &[Plane],
+        (from, stride): (usize, usize),
+        out: &mut [f32],
+    ) {
         let side = 2 * self.radius + 1;
         let (first_x, first_y) = window.offset(self.radius);
-        let mut columns = out.chunks_exact_mut(window.stride);
+        let mut columns = out.chunks_exact_mut(stride).map(|column| &mut column[from..from + window.stride]);
         if let Some(constant) = columns.next() {
             constant[..window.pixels()].fill(1.0);
         }
-        for (feature, column) in features.iter().zip(&mut columns) {
-            window.gather(feature, feature.get(window.cx, window.cy), column);
+        for ((feature, centre), column) in features.iter().zip(centre).zip(&mut columns) {
+            window.gather(feature, centre.get(window.cx, window.cy), column);
         }
         for (monomial, column) in self.monomials.chunks_exact(side * side).zip(columns) {
             for (y, row) in column.chunks_exact_mut(window.width).take(window.height).enumerate() {
@@ -83,7 +91,8 @@ mod tests {
         let basis = Basis::new(2, 1, 2);
         assert_eq!((basis.columns(), basis.columns_up_to(0)), (7, 2));
         let mut out = vec![0.0; basis.columns() * window.stride];
-        basis.fill(&window, std::slice::from_ref(&feature), &mut out);
+        let features = std::slice::from_ref(&feature);
+        basis.fill(&window, features, features, (0, window.stride), &mut out);
         let at = |column: usize, x: usize, y: usize| out[column * window.stride + (y - 1) * 4 + x];
         assert_eq!(at(0, 3, 2), 1.0);
         assert_eq!(at(1, 3, 2), feature.get(3, 2) - feature.get(1, 3));

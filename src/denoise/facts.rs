@@ -89,6 +89,11 @@ impl Facts {
         }
     }
 
+    /// These facts, for a frame whose variance is known as `other`'s is.
+    pub(super) fn with_variance_of(&self, other: &Self) -> Self {
+        Self { variance_known: other.variance_known, ..self.clone() }
+    }
+
     /// The factor that brings the picture to the exposure in which the method's constants are meant.
     pub fn exposure(&self) -> f32 {
         self.light.scale()

@@ -25,7 +25,7 @@ const CHAIN: usize = 32;
 /// The columns of one window: `p` design columns, then `r` right-hand sides, each `stride` long.
 #[derive(Debug, Clone, Copy)]
 pub struct Columns<'a> {
-    /// All columns, one behind the other, zero beyond the window's pixels.
+    /// All columns, one behind the other; finite where there is no sample.
     pub data: &'a [f32],
     /// Samples from one column to the next; a multiple of [`LANES`].
     pub stride: usize,
@@ -33,7 +33,7 @@ pub struct Columns<'a> {
     pub p: usize,
     /// Number of right-hand sides.
     pub r: usize,
-    /// Weights, `stride` long.
+    /// Weights, `stride` long, zero where there is no sample.
     pub weights: &'a [f32],
     /// w·σ² per pixel (so that B's factor w²σ² is this times the weight), `stride` long.
     pub weighted_noise: &'a [f32],

@@ -15,7 +15,9 @@ mod restore;
 mod risk;
 pub(crate) mod sanitize;
 mod solver;
+mod temporal;
 pub(crate) mod variance;
+mod warp;
 pub(crate) mod weights;
 pub(crate) mod window;
 
@@ -24,13 +26,16 @@ use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
 use basis::Basis;
+use outlier::Outlier;
 use reconstruct::Area;
 use sanitize::Clean;
-use solver::{Demodulation, Problem};
+use solver::{Beside, Demodulation, Problem};
+use temporal::Warped;
 use weights::Guide;
 
 pub use facts::Facts;
 pub use part::{Part, halo};
+pub use temporal::Neighbours;
 
 /// Albedo beyond this is none: what is divided by it and multiplied by it again keeps its order.
 const LARGEST_ALBEDO: f32 = 100.0;
@@ -80,6 +85,20 @@ pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observe
     denoise_part(frame, &part, &Facts::of(frame), options, observer)
 }
 
+/// Denoises `frame` with the samples of the frames beside it.
+///
+/// # Errors
+/// When an option is out of its range.
+pub fn denoise_in_sequence(
+    frame: &Frame,
+    neighbours: &Neighbours<'_>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Denoised> {
+    let part = Part::whole((frame.width(), frame.height()));
+    run(frame, neighbours, &part, &Facts::of(frame), options, observer)
+}
+
 /// Denoises the pixels `part.wanted` of a picture of which `facts` are known; `frame` holds the pixels
 /// `part.read`. They get the very bits that they have when the picture is denoised as a whole.
 ///
@@ -92,48 +111,52 @@ pub fn denoise_part(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Denoised> {
+    run(frame, &Neighbours::default(), part, facts, options, observer)
+}
+
+fn run(
+    frame: &Frame,
+    neighbours: &Neighbours<'_>,
+    part: &Part,
+    facts: &Facts,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Denoised> {
     options.check()?;
     part.check(frame)?;
     let (wanted, size) = (part.within(), part.read.size());
     let mut summary = Summary { method: "apr", ..Summary::default() };
 
-    // Repair, and bring the picture to an exposure in which the method's constants are meant.
-    observer.stage(Stage::Sanitize);
-    let mut clean = sanitize::apply(frame, facts.variance_is_known(), wanted, &mut summary);
     if !facts.has_noise() {
+        observer.stage(Stage::Sanitize);
+        let clean = sanitize::apply(frame, facts.variance_is_known(), wanted, &mut summary);
         summary.notes.push("nothing to do: the picture has no noise".into());
         return Ok(unchanged(frame, clean, wanted, summary));
     }
-    let mut variance = variance::of_mean(&clean, &mut summary);
     let exposure = facts.exposure();
-    expose(&mut clean, &mut variance, exposure);
-
-    // Outliers go, their energy is kept (Moon et al. 2016).
-    observer.stage(Stage::Outliers);
-    let outliers = if options.outliers.enabled {
-        outlier::find(&clean.color, &variance, clean.halves.as_ref(), &options.outliers)
-    } else {
-        vec![]
-    };
-    variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
-    let taken: Vec<Vec<f32>> =
-        targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
-    let counted = |(o, _): &(&outlier::Outlier, _)| wanted.contains(o.x, o.y);
-    summary.outliers = outliers.iter().zip(&taken[0]).filter(counted).count();
+    let ready = prepare(frame, facts, options, wanted, observer, &mut summary);
+    let counted = |(o, _): &(&Outlier, _)| wanted.contains(o.x, o.y);
+    summary.outliers = ready.outliers.iter().zip(&ready.taken[0]).filter(counted).count();
     summary.energy_moved = std::array::from_fn(|c| {
-        let energy = outliers.iter().zip(&taken[c]).filter(counted).map(|(_, &e)| f64::from(e));
+        let energy = ready.outliers.iter().zip(&ready.taken[c]).filter(counted).map(|(_, &e)| f64::from(e));
         energy.sum::<f64>() / f64::from(exposure)
     });
-
-    observer.stage(Stage::Prefilter);
-    let (features, albedo) = design_features(&clean, facts, options, &mut summary);
-    let smoothed: Rgb = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
+    // A frame beside is brought to this one's exposure and columns.
+    let beside = |other: &Frame| {
+        let facts = facts.with_variance_of(&Facts::of(other));
+        prepare(other, &facts, options, wanted, &Silent, &mut Summary::default())
+    };
+    let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
+    let Ready { clean, variance, smoothed, outliers, taken, design, albedo } = ready;
+    let features: Vec<Plane> = design.into_iter().map(|column| column.plane).collect();
 
     // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
-    let guides = Guides::new(&clean.color, &variance, albedo.as_ref(), options);
+    let trusted = variance.each_ref().map(variance::trusted);
+    let guides = Guides::new(&clean.color, &trusted, albedo.as_ref(), options);
     let basis = Basis::new(options.window_radius, features.len(), options.max_order);
     let areas =
         areas(part, outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size), options);
+    let beside: Vec<Beside<'_>> = warped.iter().map(Warped::samples).collect();
     let mut stage: Option<reconstruct::Stage> = None;
     for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
         observer.stage(Stage::Fit(n + 1));
@@ -146,10 +169,8 @@ pub fn denoise_part(
             pilot: pilot.as_ref(),
             features: &features,
             guide: &guides.color,
-            albedo: albedo
-                .as_ref()
-                .zip(guides.irradiance.as_ref())
-                .map(|(albedo, guide)| Demodulation { albedo, guide }),
+            albedo: guides.demodulation(albedo.as_ref()),
+            beside: &beside,
             basis: &basis,
             options,
         };
@@ -174,6 +195,58 @@ pub fn denoise_part(
     // A factor out of range makes 0·∞, which is no number: min takes the other.
     result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
     Ok(assemble(frame, result, wanted, summary))
+}
+
+/// A frame with everything that is known of it before the fits, exposed.
+struct Ready {
+    clean: Clean,
+    /// Of the colour's mean.
+    variance: Rgb,
+    /// The same, smoothed.
+    smoothed: Rgb,
+    outliers: Vec<Outlier>,
+    /// What was taken out of each target.
+    taken: Vec<Vec<f32>>,
+    design: Vec<Design>,
+    /// The albedo, its floor added.
+    albedo: Option<Rgb>,
+}
+
+/// A feature plane of the design, filtered.
+struct Design {
+    kind: FeatureKind,
+    plane: Plane,
+}
+
+/// All stages before the fits.
+fn prepare(
+    frame: &Frame,
+    facts: &Facts,
+    options: &Options,
+    wanted: Rect,
+    observer: &dyn Observer,
+    summary: &mut Summary,
+) -> Ready {
+    // Repair, and bring the picture to an exposure in which the method's constants are meant.
+    observer.stage(Stage::Sanitize);
+    let mut clean = sanitize::apply(frame, facts.variance_is_known(), wanted, summary);
+    let mut variance = variance::of_mean(&clean, summary);
+    expose(&mut clean, &mut variance, facts.exposure());
+
+    // Outliers go, their energy is kept (Moon et al. 2016).
+    observer.stage(Stage::Outliers);
+    let outliers = if options.outliers.enabled {
+        outlier::find(&clean.color, &variance, clean.halves.as_ref(), &options.outliers)
+    } else {
+        vec![]
+    };
+    variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
+    let taken = targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
+
+    observer.stage(Stage::Prefilter);
+    let (design, albedo) = design_features(&clean, facts, options, summary);
+    let smoothed = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
+    Ready { clean, variance, smoothed, outliers, taken, design, albedo }
 }
 
 /// Where each stage works so that what is restored is right on `restored`.
@@ -226,6 +299,11 @@ impl Guides {
         });
         Self { color: guide(color, variance), irradiance }
     }
+
+    /// What demodulated kernels read, where some ask for it and there is an albedo.
+    fn demodulation<'a>(&'a self, albedo: Option<&'a Rgb>) -> Option<Demodulation<'a>> {
+        albedo.zip(self.irradiance.as_ref()).map(|(albedo, guide)| Demodulation { albedo, guide })
+    }
 }
 
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
@@ -235,8 +313,8 @@ fn design_features(
     facts: &Facts,
     options: &Options,
     summary: &mut Summary,
-) -> (Vec<Plane>, Option<Rgb>) {
-    let mut planes = vec![];
+) -> (Vec<Design>, Option<Rgb>) {
+    let mut design = vec![];
     let mut albedo = None;
     let features = clean.features.iter().enumerate();
     for (f, feature) in features.filter(|(_, feature)| options.features.contains(&feature.kind)) {
@@ -255,11 +333,11 @@ fn design_features(
                 summary.notes.push(format!("feature {name}: left out, it is constant"));
             } else {
                 summary.columns.push(name);
-                planes.push(plane);
+                design.push(Design { kind: feature.kind, plane });
             }
         }
     }
-    (planes, albedo)
+    (design, albedo)
 }
 
 /// The planes to reconstruct: the colour's, then every AOV's.

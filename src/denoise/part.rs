@@ -31,7 +31,7 @@ pub fn halo(options: &Options) -> usize {
     let patch = options.largest_patch();
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let witnesses = if outliers.enabled { outliers.radius } else { 0 };
-    let noise = options.variance_radius + witnesses + variance::REACH;
+    let noise = options.variance_radius.max(variance::TRUSTED_RADIUS) + witnesses + variance::REACH;
     energy + restored + fits + patch + feature.max(noise) + sanitize::REACH
 }
 

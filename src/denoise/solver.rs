@@ -27,10 +27,28 @@ pub struct Problem<'a> {
     pub guide: &'a Guide,
     /// For demodulated kernels.
     pub albedo: Option<Demodulation<'a>>,
+    /// Frames whose samples join those of this one.
+    pub beside: &'a [Beside<'a>],
     /// The design.
     pub basis: &'a Basis,
     /// All options.
     pub options: &'a Options,
+}
+
+/// A frame beside, brought to this one's pixels (see [`super::warp`]), with the same kinds of planes.
+pub struct Beside<'a> {
+    /// As the problem's.
+    pub targets: Vec<&'a Plane>,
+    /// As the problem's.
+    pub variance: &'a Rgb,
+    /// As the problem's.
+    pub features: &'a [Plane],
+    /// As the problem's.
+    pub guide: &'a Guide,
+    /// As the problem's.
+    pub albedo: Option<Demodulation<'a>>,
+    /// What every sample's weight is multiplied by, 0 to 1.
+    pub trust: &'a Plane,
 }
 
 /// What a demodulated kernel reads besides.
@@ -56,6 +74,7 @@ pub struct Fitted<'a> {
 pub struct Solver<'a> {
     problem: &'a Problem<'a>,
     arch: Arch,
+    /// Of the window in this frame, then in those beside.
     distances: Vec<f32>,
     /// Which distances the buffer holds: centre, patch radius, demodulated.
     held: Option<(usize, usize, usize, bool)>,
@@ -84,7 +103,10 @@ impl<'a> Solver<'a> {
         Self {
             problem,
             arch: Arch::new(),
-            distances: vec![0.0; (2 * radius + 1) * weights::distance_stride(radius)],
+            distances: vec![
+                0.0;
+                (1 + problem.beside.len()) * (2 * radius + 1) * weights::distance_stride(radius)
+            ],
             held: None,
             kernel: vec![],
             weights: vec![],
@@ -139,11 +161,12 @@ impl<'a> Solver<'a> {
     /// The Gram matrices by `accumulate`, and their factorisation.
     #[inline(always)]
     fn factorise(&mut self, window: &Window, accumulate: impl FnOnce(Columns<'_>, &mut Gram)) {
+        let stride = self.samples(window);
         let p = self.problem.basis.columns();
-        let r = self.columns.len() / window.stride - p;
+        let r = self.columns.len() / stride - p;
         let columns = Columns {
             data: &self.columns,
-            stride: window.stride,
+            stride,
             p,
             r,
             weights: &self.weights,
@@ -153,53 +176,99 @@ impl<'a> Solver<'a> {
         self.factor.factorise(&self.gram, p, r);
     }
 
-    /// K_h of every pixel.
+    /// Length of a column: the window of this frame, then those of the frames beside.
+    fn samples(&self, window: &Window) -> usize {
+        (1 + self.problem.beside.len()) * window.stride
+    }
+
+    /// K_h of every sample.
     #[inline(always)]
     fn weigh(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) {
-        let radius = self.problem.options.window_radius;
+        let Problem { guide, beside, options, .. } = self.problem;
+        let radius = options.window_radius;
+        let row = weights::distance_stride(radius);
+        let square = (2 * radius + 1) * row;
         let key = (window.cx, window.cy, kernel.patch_radius, demodulation.is_some());
         if self.held != Some(key) {
-            let guide = demodulation.map_or(self.problem.guide, |d| d.guide);
-            guide.distances(window.cx, window.cy, radius, kernel.patch_radius, &mut self.distances);
+            let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>| {
+                albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide)
+            };
+            let here = chosen(guide, self.problem.albedo);
+            let others = beside.iter().map(|beside| chosen(beside.guide, beside.albedo));
+            let guides = std::iter::once(here).chain(others);
+            for (guide, out) in guides.zip(self.distances.chunks_exact_mut(square)) {
+                here.distances(guide, window.cx, window.cy, radius, kernel.patch_radius, out);
+            }
             self.held = Some(key);
         }
         self.kernel.clear();
-        self.kernel.resize(window.stride, 0.0);
+        self.kernel.resize(self.samples(window), 0.0);
         let (first_x, first_y) = window.offset(radius);
-        let rows = self.distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
-        for (distances, out) in rows.zip(self.kernel.chunks_exact_mut(window.width).take(window.height)) {
-            weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
+        let frames = self.distances.chunks_exact(square).zip(self.kernel.chunks_exact_mut(window.stride));
+        for (f, (distances, kernels)) in frames.enumerate() {
+            let rows = distances.chunks_exact(row).skip(first_y);
+            for (distances, out) in rows.zip(kernels.chunks_exact_mut(window.width).take(window.height)) {
+                weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
+            }
+            if let Some(beside) = f.checked_sub(1).map(|f| &beside[f]) {
+                self.scratch.resize(window.stride, 0.0);
+                window.gather(beside.trust, 0.0, &mut self.scratch);
+                kernels.iter_mut().zip(&self.scratch).take(window.pixels()).for_each(|(k, t)| *k *= t);
+            }
         }
     }
 
     /// The design, the right-hand sides and the noise, over the albedo where that is asked for.
     #[inline(always)]
     fn gather(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) {
-        let Problem { targets, pilot, variance, features, basis, .. } = self.problem;
-        let (stride, p) = (window.stride, basis.columns());
+        let Problem { targets, pilot, variance, features, basis, beside, .. } = self.problem;
+        let (stride, p) = (self.samples(window), basis.columns());
         let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
         self.columns.clear();
         self.columns.resize((p + r) * stride, 0.0);
-        let (design, rhs) = self.columns.split_at_mut(p * stride);
-        basis.fill(window, features, design);
-        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
-        for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
-            window.gather(plane, 0.0, column);
-        }
         self.noise.clear();
         self.noise.resize(stride, 0.0);
-        self.scratch.resize(2 * stride, 0.0);
-        let (buffer, albedo) = self.scratch.split_at_mut(stride);
+        self.gather_frame(window, 0, targets, variance, features, demodulation);
+        for (f, beside) in beside.iter().enumerate() {
+            let albedo = beside.albedo.filter(|_| demodulation.is_some());
+            self.gather_frame(window, f + 1, &beside.targets, beside.variance, beside.features, albedo);
+        }
+    }
+
+    /// The samples of one frame. Its pilot is this frame's: what is put for μ at the same place.
+    #[inline(always)]
+    fn gather_frame(
+        &mut self,
+        window: &Window,
+        frame: usize,
+        targets: &[&Plane],
+        variance: &Rgb,
+        features: &[Plane],
+        demodulation: Option<Demodulation<'_>>,
+    ) {
+        let Problem { pilot, basis, features: centre, .. } = self.problem;
+        let (stride, from) = (self.samples(window), frame * window.stride);
+        let (design, rhs) = self.columns.split_at_mut(basis.columns() * stride);
+        basis.fill(window, features, centre, (from, stride), design);
+        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
+        let part = from..from + window.stride;
+        for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
+            window.gather(plane, 0.0, &mut column[part.clone()]);
+        }
+        self.scratch.resize(2 * window.stride, 0.0);
+        let (buffer, albedo) = self.scratch.split_at_mut(window.stride);
         for (c, plane) in variance.iter().enumerate() {
             window.gather(plane, 0.0, buffer);
             if let Some(demodulation) = demodulation {
                 window.gather(&demodulation.albedo[c], 0.0, albedo);
                 buffer.iter_mut().zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a * a);
                 for column in rhs.chunks_exact_mut(stride).skip(c).step_by(3) {
-                    column.iter_mut().zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a);
+                    let column = column[part.clone()].iter_mut();
+                    column.zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a);
                 }
             }
-            self.noise.iter_mut().zip(&*buffer).take(window.pixels()).for_each(|(n, v)| *n += v);
+            let noise = self.noise[part.clone()].iter_mut();
+            noise.zip(&*buffer).take(window.pixels()).for_each(|(n, v)| *n += v);
         }
     }
 
@@ -209,13 +278,14 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn scale_radiance(&mut self, window: &Window) -> f32 {
         let aovs = 3..self.problem.targets.len();
-        let rhs = &mut self.columns[self.problem.basis.columns() * window.stride..];
+        let stride = self.samples(window);
+        let rhs = &mut self.columns[self.problem.basis.columns() * stride..];
         let most = |values: &[f32]| values.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
-        let columns = rhs.chunks_exact(window.stride).enumerate();
+        let columns = rhs.chunks_exact(stride).enumerate();
         let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| most(c)).fold(0.0, f32::max);
         let scale = condition::power_of_two_near_inverse(largest.max(most(&self.noise).sqrt()));
         self.scales.clear();
-        for (t, column) in rhs.chunks_exact_mut(window.stride).enumerate() {
+        for (t, column) in rhs.chunks_exact_mut(stride).enumerate() {
             let own =
                 if aovs.contains(&t) { condition::power_of_two_near_inverse(most(column)) } else { scale };
             column.iter_mut().for_each(|v| *v *= own);
@@ -230,7 +300,7 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn trust_samples(&mut self, window: &Window, scale: f32) {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
-        let stride = window.stride;
+        let stride = self.samples(window);
         self.weights.clear();
         self.weights.extend_from_slice(&self.kernel);
         let (mut weight, mut noise) = (0.0f32, 0.0f32);
@@ -250,7 +320,7 @@ impl<'a> Solver<'a> {
             let at = (window.cy - window.y0) * window.width + window.cx - window.x0;
             let energy = |i: usize| ((red[i] + green[i] + blue[i]) / 3.0).powi(2) + dark;
             let centre = 2.0 * energy(at);
-            for (i, w) in self.weights.iter_mut().enumerate().take(window.pixels()) {
+            for (i, w) in self.weights.iter_mut().enumerate() {
                 *w *= (centre / (energy(at) + energy(i)).max(f32::MIN_POSITIVE)).min(1.0);
             }
         }
@@ -262,9 +332,10 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn condition(&mut self, window: &Window) {
         let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
+        let stride = self.samples(window);
         self.means.clear();
-        for (j, column) in self.columns.chunks_exact_mut(window.stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights, window.pixels());
+        for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
+            let mean = condition::centre(column, &self.weights);
             if j <= features {
                 condition::level(column, &self.weights);
             } else if j >= p {
@@ -277,7 +348,7 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn evidence(&self, window: &Window) -> Evidence<'_> {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
-        let stride = window.stride;
+        let stride = self.samples(window);
         let (reference, channels) = match (pilot.is_some(), options.plain_first_stage) {
             (true, _) => (Reference::Pilot, targets.len()..targets.len() + 3),
             (false, false) => (Reference::Unbiased, 0..3),
@@ -294,17 +365,18 @@ impl<'a> Solver<'a> {
         Evidence { factor: &self.factor, channels, reference, totals }
     }
 
-    /// Evaluates the chosen model at every pixel and puts ξ and the prediction into the targets' units.
+    /// Evaluates the chosen model at every pixel of this frame and puts ξ and the prediction into the targets' units.
     #[inline(always)]
     fn predict(&mut self, window: &Window, scale: f32, demodulation: Option<Demodulation<'_>>) {
         let (stride, targets) = (window.stride, self.problem.targets.len());
+        let samples = self.samples(window);
         self.predicted.clear();
         self.predicted.resize(targets * stride, 0.0);
         for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
             let own = f64::from(self.scales[t]);
             out.fill((f64::from(self.means[t]) / own) as f32);
             self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
-            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
+            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(samples)) {
                 let beta = (*beta / own) as f32;
                 if beta != 0.0 {
                     out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
@@ -320,7 +392,7 @@ impl<'a> Solver<'a> {
                 out.iter_mut().zip(albedo).for_each(|(out, a)| *out *= a);
                 if t < 3 {
                     squares += albedo.iter().zip(&self.weights).map(|(a, w)| w * a * a).sum::<f32>();
-                    weight += self.weights.iter().sum::<f32>();
+                    weight += self.weights[..stride].iter().sum::<f32>();
                 }
             }
             self.choice.xi *= f64::from(squares / weight.max(f32::MIN_POSITIVE));

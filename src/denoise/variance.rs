@@ -59,6 +59,24 @@ fn from_picture(color: &Plane) -> Plane {
     variance
 }
 
+/// The share of its neighbourhood's variance that every pixel's is at least, for the weights. `[choice]`
+/// relMSE against 0 on five scenes: ×0.996 at 16 spp, ×0.988 at 64; over 5×5 pixels ×1.001 and ×0.991, there
+/// 0.02 is ×1.002 and ×1.001. Where one sample in a hundred is a firefly, ×0.05 at 16 samples.
+const LEAST_SHARE: f32 = 0.005;
+
+/// Radius of that neighbourhood.
+pub const TRUSTED_RADIUS: usize = 4;
+
+/// What the weights may believe of `variance`. A few samples that all missed the light say that there is no
+/// noise at all: such pixels would resemble nothing but pixels of the very same colour, and what a firefly
+/// among them brightened would resemble nothing.
+pub fn trusted(variance: &Plane) -> Plane {
+    let around = smooth(variance, TRUSTED_RADIUS);
+    Plane::from_fn(variance.width(), variance.height(), |x, y| {
+        variance.get(x, y).max(LEAST_SHARE * around.get(x, y))
+    })
+}
+
 /// The mean over a square of `radius` around every pixel, clipped at the border.
 pub fn smooth(plane: &Plane, radius: usize) -> Plane {
     if radius == 0 {
@@ -112,6 +130,15 @@ mod tests {
         let (a, b) = (noise(64, 64), Plane::filled(64, 64, 0.0));
         let mean = from_halves(&a, &b).data().iter().sum::<f32>() / 4096.0;
         assert!((mean - 0.25).abs() < 0.02, "{mean}");
+    }
+
+    #[test]
+    fn a_pixel_without_noise_among_noisy_ones_is_believed_no_more_than_a_share() {
+        let variance = Plane::from_fn(30, 9, |x, _| if x < 10 && x != 5 { 81.0 / 72.0 } else { 0.0 });
+        let trusted = trusted(&variance);
+        assert!((trusted.get(5, 4) - LEAST_SHARE).abs() < 1e-6);
+        assert_eq!(trusted.get(4, 4), variance.get(4, 4));
+        assert_eq!(trusted.get(29, 4), 0.0, "where nothing around is noisy there is no noise");
     }
 
     #[test]

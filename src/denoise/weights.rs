@@ -59,10 +59,19 @@ impl Guide {
         }
     }
 
-    /// Writes the distances from the patch at (`x`, `y`) to the patches at all offsets of the window,
-    /// `2·radius + 1` rows of [`distance_stride`]; offsets outside the picture get a value as well.
+    /// Writes the distances from the patch at (`x`, `y`) to the patches of `other`, a guide of the same kind
+    /// (or this one), at all offsets of the window: `2·radius + 1` rows of [`distance_stride`]; offsets
+    /// outside the picture get a value as well.
     #[inline(always)]
-    pub fn distances(&self, x: usize, y: usize, radius: usize, patch_radius: usize, out: &mut [f32]) {
+    pub fn distances(
+        &self,
+        other: &Self,
+        x: usize,
+        y: usize,
+        radius: usize,
+        patch_radius: usize,
+        out: &mut [f32],
+    ) {
         let row = distance_stride(radius);
         let patch = 2 * patch_radius + 1;
         let inverse = 1.0 / (patch * patch) as f32;
@@ -74,7 +83,7 @@ impl Guide {
                     let p = origin(y + self.pad + py - patch_radius) - patch_radius;
                     let q = origin(y + self.pad + py + dy - patch_radius - radius) - patch_radius - radius;
                     for px in 0..patch {
-                        self.add_differences(p + px, q + px + block * BLOCK, &mut sum);
+                        self.add_differences(p + px, other, q + px + block * BLOCK, &mut sum);
                     }
                 }
                 out.iter_mut().zip(sum).for_each(|(out, sum)| *out = sum * inverse);
@@ -82,14 +91,15 @@ impl Guide {
         }
     }
 
-    /// Adds to `sum` the difference of the sample at `p` and each of those from `q` on.
+    /// Adds to `sum` the difference of the sample at `p` and each of those of `other` from `q` on.
     #[inline(always)]
-    fn add_differences(&self, p: usize, q: usize, sum: &mut [f32; BLOCK]) {
+    fn add_differences(&self, p: usize, other: &Self, q: usize, sum: &mut [f32; BLOCK]) {
         let mut numerator = [0.0f32; BLOCK];
         let mut scale = [DISTANCE_EPSILON; BLOCK];
-        for (plane, variance) in self.planes.iter().zip(&self.variances) {
+        let here = self.planes.iter().zip(&self.variances);
+        for ((plane, variance), (planes, variances)) in here.zip(other.planes.iter().zip(&other.variances)) {
             let (up, vp) = (plane[p], variance[p]);
-            let (uq, vq) = (&plane[q..q + BLOCK], &variance[q..q + BLOCK]);
+            let (uq, vq) = (&planes[q..q + BLOCK], &variances[q..q + BLOCK]);
             for i in 0..BLOCK {
                 let terms = terms((up, vp), (uq[i], vq[i]));
                 numerator[i] += terms.0;
@@ -186,7 +196,7 @@ mod tests {
         let guide = Guide::new(std::slice::from_ref(&u), std::slice::from_ref(&v), 2, 1);
         let row = distance_stride(2);
         let mut out = vec![0.0; 5 * row];
-        guide.distances(3, 2, 2, 1, &mut out);
+        guide.distances(&guide, 3, 2, 2, 1, &mut out);
         assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
         let mut expected = 0.0;
         for (py, px) in (0..3).flat_map(|y| (0..3).map(move |x| (y, x))) {
@@ -206,7 +216,7 @@ mod tests {
         guide.delta_row(2, [1, -2], 0, &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];
         for (x, &expected) in row.iter().enumerate() {
-            guide.distances(x, 2, 2, 0, &mut out);
+            guide.distances(&guide, x, 2, 2, 0, &mut out);
             assert_eq!(out[3], expected);
         }
     }

@@ -6,6 +6,7 @@ use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
 
 use super::document::Document;
+use super::limits;
 use crate::error::Result;
 use crate::image::Plane;
 
@@ -32,6 +33,8 @@ pub(super) fn read_planes(
         let plane = |_| Plane::filled(window.size.width(), window.size.height(), 0.0);
         wanted.iter().map(plane).collect::<Vec<_>>()
     };
+    limits::check_planes(wanted.len(), (window.size.width(), window.size.height()))
+        .map_err(|error| error.in_file(document.path()))?;
     let mut planes = None; // not before a first block proves that the file holds more than promises
     for (part, header) in document.headers().iter().enumerate() {
         let mut fills = vec![Vec::new(); header.channels.list.len()];

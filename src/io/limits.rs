@@ -1,7 +1,15 @@
 //! What a header may claim before anything is allocated for it.
 //!
 //! A damaged or hostile file of a few bytes can announce a picture of terabytes. Every claim is
-//! held against the length of the file, and against the fixed limits below.
+//! held against the length of the file, and against the fixed limits below. Then reading takes no more than
+//!
+//! - 4 bytes a pixel for every channel that plays a role, [`MAX_PLANE_BYTES`] in all,
+//! - decoded blocks of 64 MiB at a time, or one of up to [`MAX_BLOCK_BYTES`], and what they are decoded from,
+//! - the headers and tables of blocks, a few times their length in the file.
+//!
+//! Channels without a role are never held, and no plane is made before a first block was decoded. What a
+//! codec may make of the file is limited too: a block that decodes to more than it announces is an error
+//! when the announced size is reached.
 
 use exr::meta::BlockDescription;
 use exr::meta::attribute::LevelMode;
@@ -22,6 +30,9 @@ pub const MAX_PARTS: usize = 1 << 12;
 /// The most bytes that one block (a tile, or some scan lines of all channels) may decode to.
 pub const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
+/// The most bytes that the planes of all channels with a role may take: an 8K frame may have 129 of them.
+pub const MAX_PLANE_BYTES: u64 = 1 << 34;
+
 /// Bytes that the table of blocks and the head of a block take in the file, at least.
 const LEAST_BYTES_PER_CHUNK: u64 = 16;
 
@@ -39,12 +50,37 @@ pub(super) fn check(headers: &[Header], file_bytes: u64) -> Result<()> {
         ))
         .remedy("split the file"));
     }
+    let mut least_bytes = 0u64;
     for header in headers {
         let part = || header.own_attributes.layer_name.as_ref().map_or_else(String::new, ToString::to_string);
         let checked = supported(header).and_then(|()| plausible(header, file_bytes));
-        checked.map_err(|error| if headers.len() > 1 { error.in_part(part()) } else { error })?;
+        let bytes = checked.map_err(|error| if headers.len() > 1 { error.in_part(part()) } else { error })?;
+        least_bytes = least_bytes.saturating_add(bytes);
+    }
+    if least_bytes > file_bytes {
+        return Err(unreadable(format!(
+            "announces {} parts, which {file_bytes} bytes of file cannot hold",
+            headers.len()
+        ))
+        .remedy("it is damaged or incomplete: write it again"));
     }
     Ok(())
+}
+
+/// Refuses to read more planes than [`MAX_PLANE_BYTES`] allow.
+///
+/// # Errors
+/// `Unreadable`, with what it would take and the remedy.
+pub(super) fn check_planes(planes: usize, (width, height): (usize, usize)) -> Result<()> {
+    let bytes = [planes, width, height].iter().fold(4u64, |bytes, &n| bytes.saturating_mul(n as u64));
+    if bytes <= MAX_PLANE_BYTES {
+        return Ok(());
+    }
+    Err(unreadable(format!(
+        "has {planes} channels of {width}×{height} pixels that play a role, {bytes} bytes where \
+         {MAX_PLANE_BYTES} are the limit"
+    ))
+    .remedy("split the picture, or write fewer layers"))
 }
 
 fn unreadable(what: impl Into<String>) -> Error {
@@ -78,7 +114,8 @@ fn supported(header: &Header) -> Result<()> {
     Ok(())
 }
 
-fn plausible(header: &Header, file_bytes: u64) -> Result<()> {
+/// Returns the bytes that the part must take in the file at least.
+fn plausible(header: &Header, file_bytes: u64) -> Result<u64> {
     let size = header.layer_size;
     let pixels = (size.width() as u64).saturating_mul(size.height() as u64);
     let bytes = pixels.saturating_mul(header.channels.bytes_per_pixel as u64);
@@ -100,8 +137,10 @@ fn plausible(header: &Header, file_bytes: u64) -> Result<()> {
         .remedy("write it with smaller tiles or as scan lines"));
     }
     let chunks = header.chunk_count as u64;
-    let held = most_expansion(header.compression).map_or(u64::MAX, |ratio| file_bytes.saturating_mul(ratio));
-    if pixels == 0 || chunks.saturating_mul(LEAST_BYTES_PER_CHUNK) > file_bytes || bytes > held {
+    let least_bytes = chunks
+        .saturating_mul(LEAST_BYTES_PER_CHUNK)
+        .saturating_add(bytes / most_expansion(header.compression));
+    if pixels == 0 || least_bytes > file_bytes {
         return Err(unreadable(format!(
             "announces {width}×{height} pixels of {} channels in {chunks} blocks, which {file_bytes} bytes \
              of file cannot hold",
@@ -109,18 +148,21 @@ fn plausible(header: &Header, file_bytes: u64) -> Result<()> {
         ))
         .remedy("it is damaged or incomplete: write it again"));
     }
-    Ok(())
+    Ok(least_bytes)
 }
 
-/// By how much a codec can shrink its input at the very best; `None` where there is no useful bound.
-fn most_expansion(compression: Compression) -> Option<u64> {
+/// By how much a codec can shrink its input at the very best.
+fn most_expansion(compression: Compression) -> u64 {
+    const DEFLATE: u64 = 1032; // its limit: 258 bytes by two bits
+    const RUNS: u64 = 64; // two bytes stand for at most 128
     match compression {
-        Compression::Uncompressed => Some(1),
-        Compression::RLE => Some(64), // two bytes stand for at most 128
-        Compression::ZIP1 | Compression::ZIP16 => Some(1032), // the limit of deflate
-        Compression::PXR24 => Some(1032 * 4 / 3), // deflate on three bytes out of four
-        Compression::B44 | Compression::B44A => Some(11), // three bytes stand for 32
-        _ => None,
+        Compression::RLE => RUNS,
+        Compression::ZIP1 | Compression::ZIP16 => DEFLATE,
+        Compression::PXR24 => DEFLATE * 4 / 3, // three bytes out of four
+        Compression::PIZ => 454,               // 255 samples of two bytes by nine bits
+        Compression::B44 | Compression::B44A => 11, // three bytes stand for 32
+        Compression::DWAA(_) | Compression::DWAB(_) => RUNS * DEFLATE, // both; a block of 8×8 takes more
+        _ => 1,
     }
 }
 
@@ -150,6 +192,12 @@ mod tests {
         assert!(refusal(header(16000, 16000, Compression::ZIP16), 200_000).contains("cannot hold"));
         assert!(refusal(header(64, 1 << 20, Compression::PIZ), 1000).contains("cannot hold"));
         assert!(refusal(header(1 << 27, 2, Compression::DWAB(None)), 1 << 40).contains("blocks of"));
+        // Two parts that the file can hold one at a time.
+        let part = || header(1000, 1000, Compression::Uncompressed);
+        assert!(check(&[part()], 7_000_000).is_ok());
+        assert!(check(&[part(), part()], 7_000_000).unwrap_err().to_string().contains("2 parts"));
+        assert!(check_planes(129, (7680, 4320)).is_ok());
+        assert!(check_planes(17, (1 << 14, 1 << 14)).unwrap_err().to_string().contains("17 channels"));
         let mut many = header(64, 64, Compression::RLE);
         let names = (0..=MAX_CHANNELS)
             .map(|i| ChannelDescription::named(Text::from(format!("c{i}").as_str()), SampleType::U32));

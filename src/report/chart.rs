@@ -13,6 +13,8 @@ const RIGHT: f64 = 18.0;
 /// A legend of more lines than `INSIDE` gets a column of its own, this wide, beside the axes.
 const LEGEND: f64 = 190.0;
 const INSIDE: usize = 3;
+/// Height of one of its lines.
+const ROW: f64 = 17.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 52.0;
 
@@ -100,7 +102,7 @@ impl Chart {
         let frame = [LEFT, TOP, WIDTH, HEIGHT - BOTTOM];
         let mut labels = Labels::new(frame, drawn().map(|point| (x.at(point.0), y.at(point.1))));
         if named <= INSIDE {
-            labels.cover([WIDTH - RIGHT - 130.0, TOP, WIDTH, TOP + 17.0 * named as f64]);
+            labels.cover([WIDTH - RIGHT - 130.0, TOP, WIDTH, TOP + ROW * named as f64]);
         }
         for (i, series) in self.series.iter().enumerate() {
             series.draw(&mut svg, &x, &y, i, &mut labels);
@@ -129,9 +131,12 @@ impl Chart {
 
     /// Names right-aligned before their marks, which end at `edge`.
     fn legend(&self, svg: &mut String, edge: f64) {
-        let named = self.series.iter().enumerate().filter(|(_, series)| !series.name.is_empty());
-        for (row, (i, series)) in named.enumerate() {
-            let y = TOP + 14.0 + 17.0 * row as f64;
+        let named: Vec<_> =
+            self.series.iter().enumerate().filter(|(_, series)| !series.name.is_empty()).collect();
+        // A long list closes up rather than leave the chart.
+        let height = ROW.min((HEIGHT - TOP - ROW) / named.len() as f64);
+        for (row, (i, series)) in named.into_iter().enumerate() {
+            let y = TOP + 14.0 + height * row as f64;
             let (left, right) = (edge - 36.0, edge - 10.0);
             if series.line {
                 stroke(svg, &format!("{left} {:.1}L{right} {:.1}", y - 4.0, y - 4.0), i);
@@ -244,6 +249,20 @@ mod tests {
         assert_eq!(centres(&svg).len(), 2); // the one point and the legend's disc
         assert!(svg.contains("a&lt;b") && !svg.contains("NaN") && !svg.contains("inf"));
         assert!(centres(&chart(&[])).len() == 1);
+    }
+
+    #[test]
+    fn the_longest_legend_stays_in_the_chart() {
+        let series = |i: usize| Series { name: i.to_string(), points: vec![], line: false, discs: true };
+        for count in [1, 4, 22, 40] {
+            let series = (0..count).map(series).collect();
+            let chart = Chart { title: "t".into(), x: "x".into(), y: "y".into(), series };
+            let rows = centres(&chart.svg());
+            assert_eq!(rows.len(), count);
+            assert!(
+                rows.windows(2).all(|pair| pair[1].1 > pair[0].1 + 8.0) && rows[count - 1].1 < HEIGHT - 6.0
+            );
+        }
     }
 
     #[test]

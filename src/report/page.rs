@@ -166,9 +166,20 @@ fn calibration(sweep: &Sweep) -> String {
 }
 
 fn scores(sweep: &Sweep) -> String {
-    let heads = ["run", "seconds", "relMSE", "relMSE trimmed", "RMSE", "SMAPE", "SSIM", "energy"];
-    let cells = |name: &str, seconds: Option<f64>, s: &crate::metrics::Scores| {
-        let mut cells = vec![name.to_string(), seconds.map_or("–".into(), |seconds| format!("{seconds:.3}"))];
+    let heads = [
+        "run",
+        "seconds",
+        "processor seconds",
+        "relMSE",
+        "relMSE trimmed",
+        "RMSE",
+        "SMAPE",
+        "SSIM",
+        "energy",
+    ];
+    let cells = |name: &str, seconds: [Option<f64>; 2], s: &crate::metrics::Scores| {
+        let mut cells = vec![name.to_string()];
+        cells.extend(seconds.map(|seconds| seconds.map_or("–".into(), |seconds| format!("{seconds:.3}"))));
         cells.extend([s.rel_mse, s.trimmed_rel_mse, s.rmse].map(|value| format!("{value:.6}")));
         cells.extend([s.smape, s.ssim].map(|value| format!("{value:.4}")));
         cells.push(format!("{:+.2} %", 100.0 * s.energy));
@@ -176,12 +187,9 @@ fn scores(sweep: &Sweep) -> String {
     };
     let of = |input: &Input| {
         let front = input.pareto_front();
-        let runs = input
-            .runs
-            .iter()
-            .zip(front)
-            .map(|(run, front)| (cells(&run.name, run.seconds, &run.scores), front));
-        let noisy = ("noisy", cells("not denoised", None, &input.noisy));
+        let run = |run: &Run| cells(&run.name, [run.seconds, run.processor_seconds], &run.scores);
+        let runs = input.runs.iter().map(run).zip(front);
+        let noisy = ("noisy", cells("not denoised", [None, None], &input.noisy));
         let rows = std::iter::once(noisy)
             .chain(runs.map(|(cells, front)| (if front { "front" } else { "" }, cells)))
             .map(|(class, cells)| row(class, &cells));

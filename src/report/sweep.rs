@@ -40,6 +40,9 @@ pub struct Run {
     pub name: String,
     /// Wall-clock seconds of the denoising alone, without reading and writing, where known.
     pub seconds: Option<f64>,
+    /// Processor seconds of the same, those of all threads together, where known: what other programs on the
+    /// machine hardly touch.
+    pub processor_seconds: Option<f64>,
     /// The result against the reference.
     pub scores: Scores,
     /// How true its estimated error is; rivals have none.
@@ -151,6 +154,7 @@ mod tests {
         let run = |(i, &(seconds, error)): (usize, &(f64, f64))| Run {
             name: i.to_string(),
             seconds: Some(seconds),
+            processor_seconds: None,
             scores: scores(error),
             calibration: None,
         };

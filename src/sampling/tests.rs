@@ -18,8 +18,8 @@ fn sums_are_exact_for_any_error_budget_and_decay() {
     let ragged = error(|x, y| if (x + y) % 3 == 0 { 0.0 } else { 1e-6 * 7f32.powi((x * 5 + y) as i32 % 9) });
     for map in [ragged, error(|_, _| 0.25), error(|_, _| 0.0), error(|_, _| f32::NAN)] {
         for budget in [0, 1, 90, 91, 1000, 12_345] {
-            for (decay, limit) in [(1.0, 8.0), (0.5, 1.0), (2.0, 2.5)] {
-                let options = SamplingOptions { decay, limit };
+            for (decay, limit, even_share) in [(1.0, 8.0, 0.5), (0.5, 1.0, 0.0), (2.0, 2.5, 1.0)] {
+                let options = SamplingOptions { decay, limit, even_share };
                 let counts: Vec<u32> = (0..W * H).map(|i| (i % 4) as u32).collect();
                 let samples = allocate(&map, &counts, budget, None, &options).unwrap();
                 assert_eq!(sum(&samples), budget, "{budget} samples, {options:?}");
@@ -33,7 +33,7 @@ fn samples_level_the_priority() {
     // n ∝ √(E n₀) for α = 1: errors of 1 and 4 with 8 samples each end with 1 : 2.
     let map = error(|x, _| if x < 6 { 1.0 } else { 4.0 });
     let counts = vec![8; W * H];
-    let options = SamplingOptions { decay: 1.0, limit: 100.0 };
+    let options = SamplingOptions { decay: 1.0, limit: 100.0, even_share: 0.0 };
     let few = (6 * H * 16 + 7 * H * 32 - 8 * W * H) as u64;
     let samples = allocate(&map, &counts, few, None, &options).unwrap();
     for (i, &more) in samples.iter().enumerate() {
@@ -56,10 +56,21 @@ fn samples_level_the_priority() {
 #[test]
 fn no_pixel_gets_more_than_the_limit() {
     let map = error(|x, y| if (x, y) == (3, 3) { 1e9 } else { 1.0 });
-    let options = SamplingOptions { decay: 1.0, limit: 3.0 };
+    let options = SamplingOptions { decay: 1.0, limit: 3.0, even_share: 0.0 };
     let samples = allocate(&map, &[4; W * H], 10 * (W * H) as u64, None, &options).unwrap();
     assert_eq!(samples[3 * W + 3], 30);
     assert!(samples.iter().all(|&n| n <= 30));
+}
+
+#[test]
+fn every_pixel_that_gets_any_has_its_even_share() {
+    let map = error(|x, y| if (x, y) == (3, 3) { 1.0 } else { 1e-9 * (1 + x) as f32 });
+    let options = SamplingOptions { even_share: 0.5, ..SamplingOptions::default() };
+    let samples = allocate(&map, &[4; W * H], 10 * (W * H) as u64, None, &options).unwrap();
+    assert_eq!((samples[3 * W + 3], sum(&samples)), (80, 10 * (W * H) as u64));
+    assert!(samples.iter().all(|&n| n >= 5), "{samples:?}");
+    let samples = allocate(&map, &[4; W * H], 1000, Some(1e-8), &options).unwrap();
+    assert!(samples.iter().enumerate().all(|(i, &n)| (n == 0) == (map.data()[i] <= 1e-8)), "{samples:?}");
 }
 
 #[test]
@@ -92,7 +103,7 @@ fn a_density_is_one_on_the_average_and_a_converged_pictures_is_flat() {
     // An error e left by n samples wants √(e·n) in all: of 6 columns with 4 and 7 with 16 samples, in units
     // of their mean 136/13 and with as many again, 1.3 and 2.6.
     let counts = error(|x, _| if x < W / 2 { 4.0 } else { 16.0 });
-    let law = SamplingOptions { decay: 1.0, ..options };
+    let law = SamplingOptions { decay: 1.0, even_share: 0.0, ..options };
     let known = density(&error(|_, _| 0.5), Some(&counts), None, &law).unwrap();
     assert!((known.get(0, 0) - (1.3 - 52.0 / 136.0)).abs() < 1e-5, "{}", known.get(0, 0));
     assert!((known.get(W - 1, 0) - (2.6 - 208.0 / 136.0)).abs() < 1e-5, "{}", known.get(W - 1, 0));
@@ -100,6 +111,13 @@ fn a_density_is_one_on_the_average_and_a_converged_pictures_is_flat() {
     assert!(flat.data().iter().all(|v| (v - 1.0).abs() < 1e-6));
     let done = density(&error(|_, _| 0.001), None, Some(0.001), &options).unwrap();
     assert!(done.data().iter().all(|&v| v == 0.0));
+}
+
+#[test]
+fn a_methods_own_priority_is_brought_to_a_mean_of_one() {
+    let map = proportional(&error(|x, _| if x == 0 { 14.0 } else { 1.0 }));
+    assert!((map.get(0, 3) - 7.0).abs() < 1e-6 && (map.get(9, 3) - 0.5).abs() < 1e-6);
+    assert!(proportional(&error(|_, _| 0.0)).data().iter().all(|&v| v == 1.0));
 }
 
 #[test]
@@ -141,9 +159,13 @@ fn the_estimate_is_the_calibrated_mean_of_risk_and_noise_and_survives_broken_val
 #[test]
 fn wrong_sizes_and_options_are_refused() {
     let map = error(|_, _| 1.0);
-    let with = |decay, limit| allocate(&map, &[1; W * H], 9, None, &SamplingOptions { decay, limit });
-    assert!(with(0.0, 8.0).unwrap_err().to_string().contains("decay"));
-    assert!(with(1.0, 0.5).unwrap_err().to_string().contains("limit"));
+    let with = |decay, limit, even_share| {
+        let options = SamplingOptions { decay, limit, even_share };
+        allocate(&map, &[1; W * H], 9, None, &options).unwrap_err().to_string()
+    };
+    assert!(with(0.0, 8.0, 0.5).contains("decay"));
+    assert!(with(1.0, 0.5, 0.5).contains("limit"));
+    assert!(with(1.0, 8.0, -0.1).contains("even share"));
     let error = allocate(&map, &[1; 3], 9, None, &SamplingOptions::default()).unwrap_err();
     assert!(error.to_string().contains("13×7"), "{error}");
     let error = allocate(&map, &[1; W * H], u64::MAX, None, &SamplingOptions::default()).unwrap_err();

@@ -230,7 +230,12 @@ impl Film {
         Plane::from_fn(self.width, self.height, |x, y| self.counts[y * self.width + x].kept() as f32)
     }
 
-    fn plane<const N: usize>(&self, moments: &[Moments<N>], i: usize, value: Statistic<N>) -> Plane {
+    pub(super) fn plane<const N: usize>(
+        &self,
+        moments: &[Moments<N>],
+        i: usize,
+        value: Statistic<N>,
+    ) -> Plane {
         Plane::from_fn(self.width, self.height, |x, y| {
             let pixel = y * self.width + x;
             value(&moments[pixel], self.counts[pixel], i) as f32
@@ -244,7 +249,7 @@ impl Film {
         })
     }
 
-    fn rgb(&self, moments: &[ColorMoments], value: Statistic<3>) -> Rgb {
+    pub(super) fn rgb(&self, moments: &[ColorMoments], value: Statistic<3>) -> Rgb {
         std::array::from_fn(|channel| self.plane(moments, channel, value))
     }
 

@@ -11,13 +11,13 @@
 mod bsdf;
 mod bvh;
 mod camera;
-mod coarse;
 mod film;
 mod light;
 mod math;
 mod medium;
 mod motion;
 mod path;
+mod plain;
 mod plan;
 mod render;
 mod sample;

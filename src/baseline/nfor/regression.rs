@@ -207,7 +207,7 @@ impl<'a> Solver<'a> {
         self.silence.clear();
         self.silence.resize(stride, 0.0);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights, window.pixels());
+            let mean = condition::centre(column, &self.weights);
             if j < p {
                 condition::level(column, &self.weights);
             } else {

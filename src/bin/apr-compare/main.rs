@@ -6,6 +6,7 @@ mod compare;
 mod failure;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+mod processor;
 mod sweep;
 mod variants;
 

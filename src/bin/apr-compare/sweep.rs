@@ -12,6 +12,7 @@ use apr::report::{self, page, png};
 use apr::{Error, ErrorKind, Frame, Result};
 use serde::Deserialize;
 
+use crate::processor;
 use crate::variants::{Variant, read_text, variants};
 
 /// Show what accuracy costs in time: run many settings on renders of one scene, and write a page.
@@ -32,8 +33,9 @@ pub struct SweepArguments {
     /// "preset": …, "options": {…}}; all but the name may be left out.
     #[arg(long, value_name = "FILE.json")]
     variants: Option<PathBuf>,
-    /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …};
-    /// input as given here, picture an EXR (relative to the JSON), seconds may be left out.
+    /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …,
+    /// "processor_seconds": …}; input as given here, picture an EXR (relative to the JSON), both kinds of
+    /// seconds may be left out.
     #[arg(long, value_name = "FILE.json")]
     rivals: Option<PathBuf>,
     /// Run each setting this often; the fastest run counts.
@@ -55,6 +57,7 @@ struct Rival {
     input: PathBuf,
     picture: PathBuf,
     seconds: Option<f64>,
+    processor_seconds: Option<f64>,
 }
 
 /// Runs the sweep, writes the page and answers with a short table.
@@ -127,18 +130,27 @@ impl Trial<'_> {
             let scores =
                 metrics::scores(&color, self.reference).map_err(|error| error.in_file(&rival.picture))?;
             self.look(&rival.name, &color, &mut layers)?;
-            runs.push(Run { name: rival.name.clone(), seconds: rival.seconds, scores, calibration: None });
+            let Rival { seconds, processor_seconds, .. } = *rival;
+            runs.push(Run {
+                name: rival.name.clone(),
+                seconds,
+                processor_seconds,
+                scores,
+                calibration: None,
+            });
         }
         Ok(Input { name: self.name.clone(), spp: self.frame.spp().map(f64::from), noisy, runs, layers })
     }
 
     fn variant(&self, variant: &Variant, repeat: u32, layers: &mut Vec<Layer>) -> Result<Run> {
-        let mut seconds = f64::INFINITY;
+        let (mut seconds, mut processor_seconds) = (f64::INFINITY, None::<f64>);
         let mut denoised = None;
         for _ in 0..repeat {
-            let start = Instant::now();
+            let (start, before) = (Instant::now(), processor::seconds());
             denoised = Some(variant.denoiser.denoise(self.frame, &Silent)?);
             seconds = seconds.min(start.elapsed().as_secs_f64());
+            let spent = before.zip(processor::seconds()).map(|(before, after)| after - before);
+            processor_seconds = [processor_seconds, spent].into_iter().flatten().reduce(f64::min);
         }
         let denoised = denoised.expect("every setting runs at least once");
         let estimated = denoised.mse.data().iter().any(|&mse| mse > 0.0); // not all methods do
@@ -156,6 +168,7 @@ impl Trial<'_> {
         Ok(Run {
             name: variant.name.clone(),
             seconds: Some(seconds),
+            processor_seconds,
             scores: metrics::scores(&denoised.color, self.reference)?,
             calibration,
         })

@@ -1,5 +1,4 @@
-//! `apr-denoise in.exr out.exr`: parse, check, run, export. `apr-denoise merge out.exr region.exr…` puts
-//! regions together.
+//! `apr-denoise in.exr out.exr`: parse, check, run, export.
 
 mod arguments;
 mod clock;
@@ -7,7 +6,6 @@ mod failure;
 mod frames;
 mod generate;
 mod inspect;
-mod parts;
 mod pattern;
 mod plan;
 mod progress;
@@ -16,6 +14,7 @@ mod run;
 mod sampling;
 mod sequence_report;
 mod settings;
+mod shot;
 mod signals;
 mod signature;
 
@@ -23,25 +22,19 @@ use std::process::ExitCode;
 
 use apr::error::{Error, ErrorKind, Result};
 
-use arguments::{Arguments, Command, CommandLine};
+use arguments::Arguments;
 use plan::Plan;
 
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
 
 fn main() -> ExitCode {
-    let CommandLine { command, denoise: arguments } = generate::parse();
-    signals::clean_up_when_stopped();
-    failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions }), _) => {
-            apr::io::merge(output, regions).map(|()| ExitCode::SUCCESS)
-        }
-        (None, Some(arguments)) => denoise(arguments),
-        (None, None) => unreachable!("clap asks for one of them"),
-    })
+    let arguments = generate::parse::<Arguments>();
+    failure::told(|| denoise(&arguments))
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
+    signals::clean_up_when_stopped();
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
         pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;

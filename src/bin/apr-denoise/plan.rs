@@ -33,12 +33,60 @@ pub struct Plan {
     pub finished: Vec<Job>,
     /// Those that have no input, each with the file that is not there.
     pub missing: Vec<(Job, PathBuf)>,
+    names: Names,
+}
+
+/// The files that the user named.
+#[derive(Debug, Default)]
+struct Names {
+    input: Name,
+    half: Option<Name>,
+    with: Vec<Name>,
+    output: Option<Name>,
+    report: Option<Name>,
+    sampling_map: Option<Name>,
+}
+
+impl Names {
+    /// As they are given; patterns are those of a `sequence`.
+    fn new(arguments: &Arguments, sequence: bool) -> Self {
+        let name = |path: &PathBuf| Name::new(path, sequence);
+        Self {
+            input: name(&arguments.input),
+            half: arguments.half.as_ref().map(name),
+            with: arguments.with.iter().map(name).collect(),
+            output: arguments.output.as_ref().map(name),
+            report: arguments.report.as_ref().map(name),
+            sampling_map: arguments.sampling_map.as_ref().map(name),
+        }
+    }
+
+    /// The files of one frame.
+    fn job(&self, frame: Option<i32>) -> Job {
+        let of = |name: &Option<Name>| name.as_ref().map(|name| name.of(frame));
+        Job {
+            frame,
+            input: self.input.of(frame),
+            half: of(&self.half),
+            with: self.with.iter().map(|with| with.of(frame)).collect(),
+            output: of(&self.output).unwrap_or_default(),
+            report: of(&self.report),
+            sampling_map: of(&self.sampling_map),
+        }
+    }
 }
 
 /// A path that the user gave: one file, or one for each frame.
+#[derive(Debug)]
 enum Name {
     One(PathBuf),
     Each(Pattern),
+}
+
+impl Default for Name {
+    fn default() -> Self {
+        Self::One(PathBuf::new())
+    }
 }
 
 impl Name {
@@ -75,26 +123,19 @@ impl Plan {
                     .in_file(&arguments.input));
             }
         };
-        let name = |path: &PathBuf| Name::new(path, pattern.is_some());
-        let (input, half) = (name(&arguments.input), arguments.half.as_ref().map(name));
-        if let (Some(Name::One(path)), [_, _, ..]) = (&half, &frames[..]) {
+        let names = Names::new(arguments, pattern.is_some());
+        if let (Some(Name::One(path)), [_, _, ..]) = (&names.half, &frames[..]) {
             return Err(usage("--half is one file for many frames")
                 .remedy("give it a place for the frame's number (####)")
                 .in_file(path));
         }
-        let with: Vec<Name> = arguments.with.iter().map(name).collect();
-        let (output, report) = (arguments.output.as_ref().map(name), arguments.report.as_ref().map(name));
-        let sampling_map = arguments.sampling_map.as_ref().map(name);
-        let job = |frame| Job {
-            frame,
-            input: input.of(frame),
-            half: half.as_ref().map(|half| half.of(frame)),
-            with: with.iter().map(|with| with.of(frame)).collect(),
-            output: output.as_ref().map_or_else(PathBuf::new, |output| output.of(frame)),
-            report: report.as_ref().map(|report| report.of(frame)),
-            sampling_map: sampling_map.as_ref().map(|map| map.of(frame)),
-        };
-        let mut plan = Self { jobs: frames.into_iter().map(job).collect(), ..Self::default() };
+        if arguments.temporal > 0 && pattern.is_none() {
+            return Err(usage("--temporal wants a sequence")
+                .remedy("write the input as shot.####.exr, and --frames 7 for one of its frames")
+                .in_file(&arguments.input));
+        }
+        let jobs = frames.into_iter().map(|frame| names.job(frame)).collect();
+        let mut plan = Self { jobs, names, ..Self::default() };
         if pattern.is_some() {
             plan.take_out_missing(arguments.missing)?;
         }
@@ -104,6 +145,13 @@ impl Plan {
     /// All frames, whatever is to become of them.
     pub fn frames(&self) -> impl Iterator<Item = &Job> {
         self.jobs.iter().chain(&self.finished).chain(self.missing.iter().map(|(job, _)| job))
+    }
+
+    /// The frame `offset` after that of `job`, if all its files are there.
+    pub fn beside(&self, job: &Job, offset: i32) -> Option<Job> {
+        let beside = self.names.job(Some(job.frame?.checked_add(offset)?));
+        let there = beside.sources().all(|path| path.exists());
+        there.then_some(beside)
     }
 
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
@@ -136,6 +184,13 @@ impl Plan {
     /// by other settings; `Unwritable` when a folder takes no file.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_collisions()?;
+        if let Some(job) = self.jobs.iter().find(|job| arguments.temporal > 0 && job.output == job.input) {
+            return Err(usage(
+                "--temporal reads frames after their turn, and they would be denoised already",
+            )
+            .remedy("give the results names of their own")
+            .in_file(&job.output));
+        }
         if arguments.skip_existing {
             self.take_out_finished(signature)?;
         }

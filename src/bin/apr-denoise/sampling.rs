@@ -1,12 +1,16 @@
 //! `--sampling-map` and `--target-error`: what the renderer's next pass should do.
 
-use apr::error::Result;
-use apr::io::write_plane;
-use apr::sampling::{SamplingOptions, density, mean_error, relative_error, samples_needed, shares_of_mean};
+use apr::adaptive::crossed_error;
+use apr::baseline::Denoiser;
+use apr::error::{Error, ErrorKind, Result};
+use apr::image::Plane;
+use apr::io::{Picture, write_plane};
+use apr::sampling::{
+    SamplingOptions, density, mean_error, proportional, relative_error, samples_needed, shares_of_mean,
+};
 use apr::{Denoised, Frame};
 use serde::Serialize;
 
-use crate::parts::Input;
 use crate::plan::Job;
 
 /// The channel of the sampling map.
@@ -15,8 +19,8 @@ const CHANNEL: &str = "density.Y";
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
 pub struct Sampling {
-    /// Estimated mean relative squared error (ε = 0.01) of the result.
-    pub estimated_error: f64,
+    /// Estimated mean relative squared error (ε = 0.01) of the result, where the method has an estimate.
+    pub estimated_error: Option<f64>,
     /// The error that was asked for.
     pub target_error: Option<f32>,
     /// Whether the estimate is at most that.
@@ -28,40 +32,51 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// Estimates and writes what was asked for; none where nothing was. It takes the whole
-    /// picture.
-    pub fn new(input: &Input, denoised: &Denoised, job: &Job, target: Option<f32>) -> Result<Option<Self>> {
+    /// Estimates and writes what was asked for; none where nothing was.
+    ///
+    /// # Errors
+    /// `Lacking` when there is a target and the method has no estimate; when the map cannot be written.
+    pub fn new(
+        picture: &Picture,
+        denoiser: &Denoiser,
+        denoised: &Denoised,
+        job: &Job,
+        target: Option<f32>,
+    ) -> Result<Option<Self>> {
         let map = job.sampling_map.as_ref();
-        let Input::Whole(picture) = input else { return Ok(None) };
         if map.is_none() && target.is_none() {
             return Ok(None);
         }
-        let options = SamplingOptions::default();
         let frame: &Frame = picture.frame();
-        let error = relative_error(frame, denoised);
-        if let Some(path) = map {
-            write_plane(path, CHANNEL, &density(&error, picture.sample_counts(), target, &options)?)?;
-        }
-        let estimated_error = mean_error(&error);
-        let pixels = error.data().len();
-        let needed_share = target.map(|target| {
-            let counts = shares_of_mean(picture.sample_counts(), pixels);
-            samples_needed(&error, &counts, f64::from(target), &options).map(|n| n / pixels as f64)
-        });
-        let needed_share = needed_share.transpose()?;
-        Ok(Some(Self {
-            estimated_error,
+        // A noise-free picture of the pipeline's has an error of 0; a method without an estimate, too.
+        let known = denoiser.pipeline().is_some() || denoised.mse.data().iter().any(|&mse| mse > 0.0);
+        let error = known.then(|| relative_error(frame, denoised));
+        let mut told = Self {
+            estimated_error: error.as_ref().map(mean_error),
             target_error: target,
-            target_met: target.map(|target| estimated_error <= f64::from(target)),
-            needed_share,
-            needed_per_pixel: needed_share.zip(frame.spp()).map(|(share, spp)| share * f64::from(spp)),
-        }))
+            target_met: None,
+            needed_share: None,
+            needed_per_pixel: None,
+        };
+        if let Some(target) = target {
+            let error = error.ok_or_else(|| without_estimate(denoiser))?;
+            let (pixels, goal) = (error.data().len(), f64::from(target));
+            let counts = shares_of_mean(picture.sample_counts(), pixels);
+            let share = samples_needed(&error, &counts, goal, &SamplingOptions::default())? / pixels as f64;
+            told.target_met = Some(mean_error(&error) <= goal);
+            told.needed_share = Some(share);
+            told.needed_per_pixel = frame.spp().map(|spp| share * f64::from(spp));
+        }
+        if let Some(path) = map {
+            let met = told.target_met == Some(true);
+            write_plane(path, CHANNEL, &next_density(picture, denoised, target, met)?)?;
+        }
+        Ok(Some(told))
     }
 
     /// In one line, for people; none without a target.
     pub fn line(&self) -> Option<String> {
-        let (target, share) = (self.target_error?, self.needed_share?);
-        let error = self.estimated_error;
+        let (target, share, error) = (self.target_error?, self.needed_share?, self.estimated_error?);
         if self.target_met == Some(true) {
             return Some(format!("target error {target:.2e} is met: estimated {error:.2e}"));
         }
@@ -71,4 +86,28 @@ impl Sampling {
         };
         Some(format!("target error {target:.2e} is not met: estimated {error:.2e}, {needed} are needed"))
     }
+}
+
+/// The density of the next pass's samples: 0 where the target is met, else in proportion to what the method
+/// itself asks for or, where it asks for nothing, by the error that others than the pixel itself tell.
+fn next_density(picture: &Picture, denoised: &Denoised, target: Option<f32>, met: bool) -> Result<Plane> {
+    let frame = picture.frame();
+    if met {
+        return Ok(Plane::filled(frame.width(), frame.height(), 0.0));
+    }
+    if let Some(priority) = &denoised.sampling_priority {
+        return Ok(proportional(priority));
+    }
+    let error = crossed_error(frame)?;
+    let map = |target| density(&error, picture.sample_counts(), target, &SamplingOptions::default());
+    let wanted = map(target)?;
+    // Should every pixel be under the target, while their mean by the other estimate is not, all go on.
+    if wanted.data().iter().any(|&density| density > 0.0) { Ok(wanted) } else { map(None) }
+}
+
+fn without_estimate(denoiser: &Denoiser) -> Error {
+    let method = denoiser.method().name();
+    let what = format!("--target-error: the method {method} has no estimate of its error for this file");
+    Error::new(ErrorKind::Lacking, what)
+        .remedy("give half buffers (--half) if it is nlm or nfor, or use --method apr")
 }

@@ -42,6 +42,10 @@ pub fn denoiser(arguments: &Arguments) -> Result<Denoiser> {
         options = options.with(key, new)?;
     }
     options.check()?;
+    if arguments.temporal > 0 && options.pipeline().is_none() {
+        let what = format!("--temporal is not for the method {}", method.name());
+        return Err(Error::new(ErrorKind::Usage, what).remedy("leave --method out"));
+    }
     Ok(options)
 }
 

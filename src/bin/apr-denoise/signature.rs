@@ -28,6 +28,7 @@ pub fn of(arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
         "half": arguments.half.is_some(),
         "with": arguments.with.len(),
         "aux": arguments.aux,
+        "temporal": arguments.temporal,
     }))?;
     let one_line: String = text.lines().map(str::trim).collect();
     Ok(ascii(&one_line))

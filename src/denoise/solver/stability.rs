@@ -123,6 +123,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
         features: &case.features,
         guide: &guide,
         albedo: None,
+        beside: &[],
         basis: &basis,
         options: &options,
     };

@@ -1,5 +1,25 @@
 //! The bounding volume hierarchy: four children a node, laid out so that one slab test runs over all
 //! four in SIMD registers, and triangles in packets of four for the same reason.
+//!
+//! What the surface area heuristic saves over a median split, as nodes, packets and solids tested per ray
+//! over all rays of a render (64×48, 4 samples; counted, so no clock disturbs it):
+//!
+//! | scene | SAH | median | factor |
+//! |---|---|---|---|
+//! | teapot_diffuse | 7.2 | 14.6 | 2.04 |
+//! | lens_table | 7.6 | 12.8 | 1.69 |
+//! | cornell_box | 3.9 | 6.6 | 1.71 |
+//! | hundred_lights | 7.7 | 10.9 | 1.41 |
+//! | foliage (a ray inside an instance counts as one of its own) | 5.3 | 7.1 | 1.35 |
+//!
+//! In instructions of the whole render (callgrind, 6 samples) that is 1.45 on glossy_gallery, 1.43 on
+//! teapot_diffuse and 1.19 on foliage, where transforms and the sky's map weigh more than the hierarchy.
+//!
+//! Why it is our own `[choice]`: 200,000 rays from around the teapot (3,136 triangles) to places in its box,
+//! nearest hit, least of four runs in one process: 191 ns a ray here (250 with the median split), 1,250 with the
+//! crate `bvh` 0.12 (`traverse_iterator`; 1,510 flattened, 1,380 by distance with an early end), its
+//! triangles met one at a time by the same test. Measured outside of the repository, in processor time on a
+//! loaded machine; all five found the same hits.
 
 mod build;
 mod packet;

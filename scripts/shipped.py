@@ -1,0 +1,85 @@
+"""The shipped scenes at a small size, rendered by the program itself. What is there already is kept."""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+
+import environments
+
+ROOT = environments.ROOT
+WORK = ROOT / "target" / "shipped"
+SCENES = ROOT / "fixtures" / "scenes"
+REFERENCE_SEED = 99
+
+# Samples of the reference, where 1024 are too few or more than it takes. Its halves tell what noise is left.
+REFERENCE = {
+    "door_ajar": 4096,
+    "fog_shaft": 2048,
+    "glass_caustics": 2048,
+    "foliage": 512,
+    "motion_blur": 512,
+    "teapot_diffuse": 512,
+    "teapot_specular": 512,
+}
+
+
+def names():
+    return sorted(path.stem for path in SCENES.glob("*.json"))
+
+
+def build():
+    subprocess.run(["cargo", "build", "--release", "--bins"], cwd=ROOT, check=True)
+
+
+def program(name, *arguments):
+    """Runs one of the programs; the processor seconds that it took."""
+    process = subprocess.Popen([ROOT / "target" / "release" / name, *map(str, arguments)], stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise SystemExit(f"{name} {' '.join(map(str, arguments))}: exit code {process.returncode}")
+    return usage.ru_utime + usage.ru_stime
+
+
+class Scene:
+    """A scene at `scale` times its resolution, and the folder of its renders."""
+
+    def __init__(self, name, scale):
+        self.name, self.folder = name, WORK / f"{scale:g}" / name
+        self.folder.mkdir(parents=True, exist_ok=True)
+        files = self.folder.parent / "scenes"
+        if not files.exists():
+            shutil.copytree(SCENES, files)
+        description = json.loads((SCENES / f"{name}.json").read_text())
+        camera = description["camera"]
+        camera["resolution"] = [round(scale * size) for size in camera["resolution"]]
+        self.file = files / f"{name}.json"
+        self.file.write_text(json.dumps(description))
+
+    def reference(self):
+        path = self.folder / "reference.exr"
+        if not path.exists():
+            samples = REFERENCE.get(self.name, 1024)
+            program("apr-trace", self.file, path, "--reference", samples, "--seed", REFERENCE_SEED, "--quiet")
+        return path
+
+    def render(self, name, *arguments):
+        """The render and its processor seconds; none where it was there."""
+        path = self.folder / f"{name}.exr"
+        seconds = None if path.exists() else program("apr-trace", self.file, path, "--quiet", *arguments)
+        return path, seconds
+
+    def sweep(self, renders, variants, *more):
+        """What `apr-compare sweep` measures of the variants on the renders, as its JSON."""
+        list_of_variants = self.folder / "variants.json"
+        list_of_variants.write_text(json.dumps(variants))
+        out = self.folder / "report"
+        common = ["--reference", self.reference(), "--out", out, "--variants", list_of_variants]
+        program("apr-compare", "sweep", *renders, *common, *more)
+        return json.loads((out / "sweep.json").read_text())
+
+
+def geometric_mean(values):
+    return math.exp(sum(map(math.log, values)) / len(values))

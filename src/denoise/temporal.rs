@@ -1,0 +1,165 @@
+//! Frames beside the one that is denoised: which of them can be used, and what their samples are.
+//!
+//! A frame beside is repaired and its features are filtered on its own pixels, as if it were denoised
+//! itself; then all its planes are brought to this frame's pixels by [`super::warp`].
+
+use super::solver::Beside as Samples;
+use super::warp::{Flow, Vectors, distrust_light, distrust_surfaces};
+use super::{Design, Guides, Ready, targets};
+use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
+use crate::image::{Plane, Rgb};
+use crate::options::Options;
+
+/// The frames before and after one, each list beginning with the nearest and without gaps.
+#[derive(Debug, Clone, Default)]
+pub struct Neighbours<'a> {
+    /// Those before, the nearest first.
+    pub before: Vec<&'a Frame>,
+    /// Those after, the nearest first.
+    pub after: Vec<&'a Frame>,
+}
+
+/// A frame beside on the pixels of the one that is denoised.
+pub(super) struct Warped {
+    pub targets: Vec<Plane>,
+    pub variance: Rgb,
+    pub features: Vec<Plane>,
+    pub albedo: Option<Rgb>,
+    pub guides: Guides,
+    pub trust: Plane,
+}
+
+impl Warped {
+    /// As the fits read it.
+    pub fn samples(&self) -> Samples<'_> {
+        Samples {
+            targets: self.targets.iter().collect(),
+            variance: &self.variance,
+            features: &self.features,
+            guide: &self.guides.color,
+            albedo: self.guides.demodulation(self.albedo.as_ref()),
+            trust: &self.trust,
+        }
+    }
+}
+
+/// The direction in time.
+#[derive(Clone, Copy)]
+enum Side {
+    Before,
+    After,
+}
+
+impl Side {
+    /// The vectors of `motion` that lead further to this side.
+    fn vectors(self, motion: Option<&Motion>) -> Option<&Vectors> {
+        match self {
+            Side::Before => motion?.previous.as_ref(),
+            Side::After => motion?.next.as_ref(),
+        }
+    }
+
+    fn back(self) -> Self {
+        match self {
+            Side::Before => Side::After,
+            Side::After => Side::Before,
+        }
+    }
+}
+
+/// Brings all of `neighbours` that can be used to the pixels of `frame`, of which `ready` was made, and
+/// says in `summary` which they are and why others are not.
+pub(super) fn warped(
+    frame: &Frame,
+    ready: &Ready,
+    neighbours: &Neighbours<'_>,
+    options: &Options,
+    prepare: impl Fn(&Frame) -> Ready,
+    summary: &mut Summary,
+) -> Vec<Warped> {
+    let mut found = vec![];
+    for (side, frames, sign) in [(Side::Before, &neighbours.before, -1), (Side::After, &neighbours.after, 1)]
+    {
+        let (mut flow, mut last) = (Flow::still((frame.width(), frame.height())), frame);
+        for (n, neighbour) in frames.iter().enumerate() {
+            let offset = sign * (n as i32 + 1);
+            if let Err(why) = comparable(frame, neighbour) {
+                summary
+                    .notes
+                    .push(format!("the frame at {offset:+} and those beyond it are not used: {why}"));
+                break;
+            }
+            match (side.vectors(last.motion()), frame.motion()) {
+                (Some(vectors), _) => {
+                    flow = flow.further(vectors, side.back().vectors(neighbour.motion()));
+                }
+                (None, None) => {}
+                (None, Some(_)) => {
+                    let why = "there are motion vectors, but none that lead there";
+                    summary.notes.push(format!("the frame at {offset:+} is not used: {why}"));
+                    break;
+                }
+            }
+            let warped = warp(ready, &prepare(neighbour), &flow, options);
+            let pixels = warped.trust.data().len() as f64;
+            let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
+            summary.beside.push(Beside { offset, trusted: trusted as f32 });
+            found.push(warped);
+            last = neighbour;
+        }
+    }
+    found
+}
+
+/// Whether two frames have the same kinds of planes.
+fn comparable(frame: &Frame, other: &Frame) -> Result<(), String> {
+    let size = |frame: &Frame| (frame.width(), frame.height());
+    if size(frame) != size(other) {
+        let ((w, h), (ow, oh)) = (size(frame), size(other));
+        return Err(format!("it is {ow}×{oh} where this one is {w}×{h}"));
+    }
+    let features = |frame: &Frame| -> Vec<String> {
+        frame.features().iter().map(|f| format!("{} ({})", f.name, f.planes.len())).collect()
+    };
+    if features(frame) != features(other) {
+        let (has, wanted) = (features(other).join(", "), features(frame).join(", "));
+        return Err(format!("its features are '{has}' where this one's are '{wanted}'"));
+    }
+    let aovs = |frame: &Frame| frame.aovs().iter().map(|aov| aov.name.clone()).collect::<Vec<_>>();
+    if aovs(frame) != aovs(other) {
+        return Err("it has other components".to_owned());
+    }
+    Ok(())
+}
+
+fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
+    let rgb = |planes: &Rgb| planes.each_ref().map(|plane| flow.warp(plane));
+    let mut trust = flow.trust();
+    let features = there.design.iter().zip(&here.design).map(|(there, here)| {
+        let warped = flow.warp(&there.plane);
+        distrust_surfaces(&mut trust, here.kind, &here.plane, &warped);
+        seen_from_here(here, warped)
+    });
+    let features = features.collect();
+    let (color, noise) = (rgb(&there.clean.color), rgb(&there.variance));
+    let smoothed = rgb(&there.smoothed);
+    distrust_light(&mut trust, [&here.clean.color, &color], [&here.smoothed, &smoothed]);
+    let albedo = there.albedo.as_ref().map(rgb);
+    Warped {
+        targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
+        guides: Guides::new(&color, &noise, albedo.as_ref(), options),
+        variance: smoothed,
+        features,
+        albedo,
+        trust,
+    }
+}
+
+/// Where a point lies depends on where it is seen from, and the light on it does not: a column of the
+/// fit is to say the same of it in all frames.
+fn seen_from_here(here: &Design, warped: Plane) -> Plane {
+    match here.kind {
+        FeatureKind::Depth | FeatureKind::Position => here.plane.clone(),
+        _ => warped,
+    }
+}

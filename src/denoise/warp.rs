@@ -1,0 +1,239 @@
+//! A frame beside, brought to this frame's pixels, and how far it can be trusted there.
+//!
+//! Every pixel takes the one pixel of the other frame that shows the same: no interpolation, so that
+//! noise stays that of single pixels and independent between them. What differs by a part of a pixel the
+//! other frame's own features explain to the fit.
+
+use super::variance::smooth;
+use crate::frame::FeatureKind;
+use crate::image::{Plane, Rgb};
+
+/// What the ways there and back may differ by, in pixels: both are rounded, and means over a pixel.
+const LARGEST_GAP: f32 = 1.5;
+
+/// How far normals and albedos may lie beyond what this frame shows within a pixel's distance.
+const FEATURE_SLACK: f32 = 0.1;
+
+/// The same of depths, relative to the depth: a camera or an object may come nearer from frame to frame.
+const DEPTH_SLACK: f32 = 0.1;
+
+/// Radius of the neighbourhood over which a change of the light is looked for.
+const LIGHT_RADIUS: usize = 3;
+
+/// Squared deviations that a change of the light may have by chance.
+const LIGHT_CHANCE: f32 = 4.0;
+
+/// Motion vectors: columns to the right and rows down.
+pub type Vectors = [Plane; 2];
+
+/// For every pixel the place in another frame that shows the same.
+#[derive(Debug, Clone)]
+pub struct Flow {
+    size: (usize, usize),
+    /// Index of the nearest pixel there.
+    places: Vec<usize>,
+    /// Whether the place is known and inside the picture.
+    inside: Vec<bool>,
+}
+
+impl Flow {
+    /// Nothing moves.
+    pub fn still(size: (usize, usize)) -> Self {
+        let pixels = size.0 * size.1;
+        Self { size, places: (0..pixels).collect(), inside: vec![true; pixels] }
+    }
+
+    /// Goes one frame further, along `vectors` of the frame in which this flow ends. `back` are the vectors
+    /// of the frame beyond towards this side: where they do not lead back, something is in front.
+    #[must_use]
+    pub fn further(mut self, vectors: &Vectors, back: Option<&Vectors>) -> Self {
+        let (width, height) = self.size;
+        for (place, inside) in self.places.iter_mut().zip(&mut self.inside) {
+            let (x, y) = (*place % width, *place / width);
+            let [dx, dy] = vectors.each_ref().map(|plane| plane.get(x, y));
+            let (to_x, to_y) = ((x as f32 + dx).round(), (y as f32 + dy).round());
+            // Written so that NaN is outside.
+            let there = to_x >= 0.0 && to_x < width as f32 && to_y >= 0.0 && to_y < height as f32;
+            if !there {
+                *inside = false;
+                continue;
+            }
+            let (to_x, to_y) = (to_x as usize, to_y as usize);
+            *place = to_y * width + to_x;
+            if let Some([bx, by]) = back {
+                let gap = (dx + bx.get(to_x, to_y)).hypot(dy + by.get(to_x, to_y));
+                *inside &= gap <= LARGEST_GAP;
+            }
+        }
+        self
+    }
+
+    /// `plane` of the other frame at this frame's pixels; where the place is not known, of some pixel near.
+    pub fn warp(&self, plane: &Plane) -> Plane {
+        let (width, height) = self.size;
+        Plane::from_fn(width, height, |x, y| plane.data()[self.places[y * width + x]])
+    }
+
+    /// 1 where the place is known, 0 elsewhere.
+    pub fn trust(&self) -> Plane {
+        let (width, height) = self.size;
+        Plane::from_fn(width, height, |x, y| f32::from(u8::from(self.inside[y * width + x])))
+    }
+}
+
+/// Takes `trust` away where a feature, warped to `there`, is none that `here` shows within a pixel's
+/// distance: what is seen is not the same surface.
+pub fn distrust_surfaces(trust: &mut Plane, kind: FeatureKind, here: &Plane, there: &Plane) {
+    let slack = |value: f32| match kind {
+        FeatureKind::Normal | FeatureKind::Albedo => FEATURE_SLACK,
+        FeatureKind::Depth => DEPTH_SLACK * value.abs(),
+        // They may differ with the light or the frame.
+        FeatureKind::Visibility | FeatureKind::Position | FeatureKind::Other => f32::INFINITY,
+    };
+    let (width, height) = here.size();
+    for y in 0..height {
+        for x in 0..width {
+            let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+            for ny in y.saturating_sub(1)..(y + 2).min(height) {
+                let row = &here.row(ny)[x.saturating_sub(1)..(x + 2).min(width)];
+                row.iter().for_each(|v| (low, high) = (low.min(*v), high.max(*v)));
+            }
+            let (value, slack) = (there.get(x, y), slack(here.get(x, y)));
+            if value < low - slack || value > high + slack {
+                trust.data_mut()[y * width + x] = 0.0;
+            }
+        }
+    }
+}
+
+/// Takes `trust` away where the light has changed by more than its noise lets expect: a shadow or a
+/// reflection that moved over a surface which did not. The mean difference over 7×7 pixels tells it that
+/// single patches are too noisy to see. A pixel that is the very same in spite of its noise is a copy,
+/// from a repeated frame or seed, and tells nothing new.
+pub fn distrust_light(trust: &mut Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [&Rgb; 2]) {
+    let (width, height) = trust.size();
+    let seen = |x: usize, y: usize| if trust.get(x, y) > 0.0 { 1.0 } else { 0.0 };
+    // The channels share their samples: their deviations add, not their variances.
+    let deviation =
+        |noise: &Rgb, x: usize, y: usize| noise.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>().powi(2);
+    let difference = Plane::from_fn(width, height, |x, y| {
+        let sum = |rgb: &Rgb| rgb.iter().map(|plane| plane.get(x, y)).sum::<f32>();
+        seen(x, y) * (sum(there) - sum(here))
+    });
+    let variance = Plane::from_fn(width, height, |x, y| {
+        seen(x, y) * (deviation(noise, x, y) + deviation(its_noise, x, y))
+    });
+    let (difference, variance) = (smooth(&difference, LIGHT_RADIUS), smooth(&variance, LIGHT_RADIUS));
+    let pixels =
+        |at: usize, limit: usize| (at + LIGHT_RADIUS + 1).min(limit) - at.saturating_sub(LIGHT_RADIUS);
+    for y in 0..height {
+        for x in 0..width {
+            let i = y * width + x;
+            let noisy = noise.iter().any(|v| v.data()[i] > 0.0);
+            if noisy && (0..3).all(|c| here[c].data()[i] == there[c].data()[i]) {
+                trust.data_mut()[i] = 0.0;
+                continue;
+            }
+            // With sums over the trusted pixels z² = (Σ d)²/Σ σ², whose means over n pixels these are.
+            let count = (pixels(x, width) * pixels(y, height)) as f32;
+            let excess = difference.data()[i].powi(2) * count - LIGHT_CHANCE * variance.data()[i];
+            if excess > 0.0 {
+                trust.data_mut()[i] *= (-0.5 * excess / variance.data()[i]).exp(); // 0 without any noise
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (usize, usize) = (16, 12);
+
+    fn plane(f: impl Fn(usize, usize) -> f32) -> Plane {
+        Plane::from_fn(SIZE.0, SIZE.1, f)
+    }
+
+    fn constant(vector: [f32; 2]) -> Vectors {
+        vector.map(|v| plane(|_, _| v))
+    }
+
+    fn grey(f: impl Fn(usize, usize) -> f32) -> Rgb {
+        std::array::from_fn(|_| plane(&f))
+    }
+
+    #[test]
+    fn a_picture_that_moved_comes_back_to_its_place() {
+        let texture = |x: i32, y: i32| ((x * 7 + y * 13).rem_euclid(31)) as f32;
+        let here = plane(|x, y| texture(x as i32, y as i32));
+        let there = plane(|x, y| texture(x as i32 - 3, y as i32 + 2));
+        let flow = Flow::still(SIZE).further(&constant([3.2, -1.9]), Some(&constant([-3.0, 2.0])));
+        let (warped, trust) = (flow.warp(&there), flow.trust());
+        for y in 0..SIZE.1 {
+            for x in 0..SIZE.0 {
+                let inside = x + 3 < SIZE.0 && y >= 2;
+                assert_eq!(trust.get(x, y) > 0.0, inside, "{x}, {y}");
+                assert!(!inside || warped.get(x, y) == here.get(x, y), "{x}, {y}");
+            }
+        }
+        // Two steps of a half are one of a whole, and NaN leads nowhere.
+        let one = constant([1.0, 0.0]);
+        let two = Flow::still(SIZE).further(&one, None).further(&one, None);
+        assert_eq!(two.warp(&here).get(4, 5), here.get(6, 5));
+        assert_eq!(Flow::still(SIZE).further(&constant([f32::NAN, 0.0]), None).trust(), plane(|_, _| 0.0));
+    }
+
+    #[test]
+    fn what_hides_something_does_not_stand_in_for_it() {
+        // An object covers columns 6 to 9 here and has come from 4 columns to the left, over a still wall.
+        let object = |x: usize, first: usize| (first..first + 4).contains(&x);
+        let way = [plane(|x, _| if object(x, 6) { -4.0 } else { 0.0 }), plane(|_, _| 0.0)];
+        let back = [plane(|x, _| if object(x, 2) { 4.0 } else { 0.0 }), plane(|_, _| 0.0)];
+        let trust = Flow::still(SIZE).further(&way, Some(&back)).trust();
+        for x in 0..SIZE.0 {
+            assert_eq!(
+                trust.get(x, 5) > 0.0,
+                !object(x, 2),
+                "the wall at {x} was hidden where the object was"
+            );
+        }
+    }
+
+    #[test]
+    fn another_surface_is_told_by_its_features() {
+        let here = plane(|x, _| if x < 8 { 0.2 } else { 0.8 });
+        let there = plane(|x, y| if (x, y) == (3, 3) { 0.8 } else { here.get(x, y) });
+        let distrusted = |kind: FeatureKind, there: &Plane| {
+            let mut trust = plane(|_, _| 1.0);
+            distrust_surfaces(&mut trust, kind, &here, there);
+            (0..SIZE.0 * SIZE.1).filter(|&i| trust.data()[i] == 0.0).collect::<Vec<_>>()
+        };
+        assert_eq!(distrusted(FeatureKind::Albedo, &there), [3 * SIZE.0 + 3]);
+        // An edge that lies a pixel further is the same edge.
+        assert!(distrusted(FeatureKind::Albedo, &plane(|x, _| if x < 9 { 0.2 } else { 0.8 })).is_empty());
+        assert!(distrusted(FeatureKind::Depth, &plane(|x, y| 1.05 * here.get(x, y))).is_empty());
+        assert!(distrusted(FeatureKind::Visibility, &there).is_empty());
+    }
+
+    #[test]
+    fn light_that_changed_is_told_from_noise_and_copies_tell_nothing() {
+        let noise = |x: usize, y: usize| 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0);
+        let variance = grey(|_, _| 0.02);
+        let trust = |here: &Rgb, there: &Rgb| {
+            let mut trust = plane(|_, _| 1.0);
+            distrust_light(&mut trust, [here, there], [&variance, &variance]);
+            trust
+        };
+        let here = grey(|x, y| 1.0 + noise(x, y));
+        let other = |x: usize, y: usize| 0.001 + noise(y + 1, x); // nowhere the very same
+        assert!(trust(&here, &grey(|x, y| 1.0 + other(x, y))).data().iter().all(|&t| t > 0.9));
+        let shadow = trust(&here, &grey(|x, y| if x < 8 { 0.7 } else { 1.0 } + other(x, y)));
+        assert!(
+            shadow.get(2, 6) < 0.01 && shadow.get(13, 6) > 0.9,
+            "{} {}",
+            shadow.get(2, 6),
+            shadow.get(13, 6)
+        );
+        assert_eq!(trust(&here, &here.clone()), plane(|_, _| 0.0));
+    }
+}

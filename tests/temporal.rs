@@ -1,0 +1,201 @@
+//! Samples of the frames beside: what they gain, what they must not do, and the program's sequences.
+
+use std::path::Path;
+
+use apr::denoise::Silent;
+use apr::image::{Plane, Rgb};
+use apr::io::{FrameHeader, write_frame};
+use apr::{Denoised, Feature, FeatureKind, Frame, Motion, Neighbours, Options, denoise, denoise_in_sequence};
+use assert_cmd::Command;
+use serde_json::Value;
+
+const SIZE: (usize, usize) = (48, 36);
+const SIGMA: f32 = 0.15;
+
+/// Uniform numbers from −½ to ½.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32 - 0.5
+    }
+}
+
+fn plane(f: impl FnMut(usize, usize) -> f32) -> Plane {
+    Plane::from_fn(SIZE.0, SIZE.1, f)
+}
+
+/// Bumps of light that no feature knows, `shift` columns to the right.
+fn texture(shift: i32) -> impl Fn(usize, usize) -> f32 {
+    move |x, y| {
+        let (x, y) = ((x as i32 - shift) as f32, y as f32);
+        0.7 + 0.2 * (0.45 * x).sin() * (0.4 * y).cos() + 0.005 * x
+    }
+}
+
+/// An edge at column `at`.
+fn edge(at: usize) -> impl Fn(usize, usize) -> f32 {
+    move |x, _| if x < at { 0.3 } else { 0.9 }
+}
+
+fn noisy(truth: impl Fn(usize, usize) -> f32, seed: u64) -> Frame {
+    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    let color: Rgb =
+        std::array::from_fn(|_| plane(|x, y| truth(x, y) + SIGMA * 12f32.sqrt() * random.next()));
+    let variance = std::array::from_fn(|_| plane(|_, _| SIGMA * SIGMA));
+    Frame::new(color).and_then(|frame| frame.with_variance_of_mean(variance)).unwrap()
+}
+
+fn moving(frame: Frame, way: f32) -> Frame {
+    let to = |way: f32| Some([plane(|_, _| way), plane(|_, _| 0.0)]);
+    frame.with_motion(Motion { previous: to(-way), next: to(way) }).unwrap()
+}
+
+fn with_neighbours(frames: &[Frame; 3]) -> Denoised {
+    let [before, frame, after] = frames;
+    let neighbours = Neighbours { before: vec![before], after: vec![after] };
+    denoise_in_sequence(frame, &neighbours, &Options::default(), &Silent).unwrap()
+}
+
+fn error(result: &Denoised, truth: impl Fn(usize, usize) -> f32) -> f64 {
+    let truth = plane(truth);
+    let squares = result.color.iter().flat_map(|plane| plane.data().iter().zip(truth.data()));
+    squares.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>() / (3 * SIZE.0 * SIZE.1) as f64
+}
+
+/// Summed errors over some seeds: alone, and with the frames beside.
+fn errors(frames: impl Fn(u64) -> [Frame; 3], truth: impl Fn(usize, usize) -> f32) -> (f64, f64) {
+    let (mut alone, mut together) = (0.0, 0.0);
+    for seed in 0..4 {
+        let frames = frames(10 * seed + 1);
+        alone += error(&denoise(&frames[1], &Options::default()).unwrap(), &truth);
+        together += error(&with_neighbours(&frames), &truth);
+    }
+    (alone, together)
+}
+
+#[test]
+fn a_still_sequence_is_less_noisy_with_its_neighbours() {
+    let frames = |seed| [seed, seed + 1, seed + 2].map(|seed| noisy(texture(0), seed));
+    let (alone, together) = errors(frames, texture(0));
+    assert!(together < 0.85 * alone, "{together} with neighbours, {alone} alone");
+}
+
+#[test]
+fn what_moves_gains_along_its_vectors() {
+    let frames = |seed| {
+        [-5, 0, 5]
+            .map(|way| moving(noisy(texture(way), seed + way.unsigned_abs() as u64 + (way > 0) as u64), 5.0))
+    };
+    let (alone, together) = errors(frames, texture(0));
+    assert!(together < 0.85 * alone, "{together} with neighbours, {alone} alone");
+}
+
+#[test]
+fn an_edge_that_moves_without_vectors_or_with_wrong_ones_does_not_smear() {
+    let still = |seed| [16, 24, 32].map(|at| noisy(edge(at), seed + at as u64));
+    for wrong in [None, Some(-3.0)] {
+        let frames = |seed| still(seed).map(|frame| wrong.map_or(frame.clone(), |way| moving(frame, way)));
+        let (alone, together) = errors(frames, edge(24));
+        assert!(together < 1.1 * alone, "{together} with neighbours, {alone} alone, vectors {wrong:?}");
+    }
+}
+
+#[test]
+fn a_frame_repeated_with_its_noise_is_no_news() {
+    let frame = noisy(texture(0), 3);
+    let result = with_neighbours(&[frame.clone(), frame.clone(), frame.clone()]);
+    assert!(result.summary.beside.iter().all(|beside| beside.trusted == 0.0));
+    let (alone, copied) = (denoise(&frame, &Options::default()).unwrap(), result);
+    for (a, b) in alone.color.iter().flat_map(Plane::data).zip(copied.color.iter().flat_map(Plane::data)) {
+        assert!((a - b).abs() < 1e-4, "{a} {b}");
+    }
+}
+
+#[test]
+fn frames_of_another_kind_are_left_out_with_a_reason() {
+    let frame = noisy(texture(0), 3);
+    let plain = denoise(&frame, &Options::default()).unwrap();
+    let depth = Feature::new("depth", FeatureKind::Depth, vec![plane(|x, _| x as f32)]);
+    let other = noisy(texture(0), 4).with_feature(depth).unwrap();
+    let small = Frame::new(std::array::from_fn(|_| Plane::filled(5, 4, 1.0))).unwrap();
+    let neighbours = Neighbours { before: vec![&small], after: vec![&other] };
+    let result = denoise_in_sequence(&frame, &neighbours, &Options::default(), &Silent).unwrap();
+    assert_eq!((result.color, result.summary.beside.len()), (plain.color, 0));
+    let notes = result.summary.notes.join("; ");
+    assert!(notes.contains("at -1") && notes.contains("5×4") && notes.contains("depth (1)"), "{notes}");
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_threads() {
+    let frames = [1, 2, 3].map(|seed| moving(noisy(texture(0), seed), 0.3));
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| with_neighbours(&frames))
+    };
+    assert!(on(1) == on(3));
+}
+
+fn shot(folder: &Path, frames: std::ops::RangeInclusive<u64>) {
+    for frame in frames {
+        let picture = moving(noisy(texture(2 * frame as i32), frame), 2.0);
+        write_frame(folder.join(format!("shot.{frame:04}.exr")), &picture, &FrameHeader::default()).unwrap();
+    }
+}
+
+fn run(folder: &Path, code: i32, arguments: &[&str]) -> String {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    let output = command.current_dir(folder).args(arguments).output().unwrap();
+    let complaint = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {complaint}");
+    complaint
+}
+
+#[test]
+fn any_split_of_a_sequence_gives_the_same_bits_and_the_report_tells_who_helped() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shot(folder, 1..=4);
+    let bytes = |name: String| std::fs::read(folder.join(name)).unwrap();
+    let together = ["shot.####.exr", "all.####.exr", "--temporal", "2", "--report", "$F.json", "--quiet"];
+    run(folder, 0, &together);
+    for frame in 1..=4 {
+        let number = frame.to_string();
+        let one = ["shot.####.exr", "one.####.exr", "--temporal", "2", "--frames", &number, "--threads", "1"];
+        run(folder, 0, &one);
+        assert!(
+            bytes(format!("all.{frame:04}.exr")) == bytes(format!("one.{frame:04}.exr")),
+            "frame {frame}"
+        );
+    }
+    let report: Value = serde_json::from_slice(&bytes("2.json".into())).unwrap();
+    let offsets: Vec<i64> = report["summary"]["beside"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|b| b["offset"].as_i64().unwrap())
+        .collect();
+    assert_eq!(offsets, [-1, 1, 2]);
+    assert!(report["summary"]["beside"][0]["trusted"].as_f64().unwrap() > 0.5);
+    assert!(report["notes"].to_string().contains("frame 0 has no file"), "{}", report["notes"]);
+
+    // Settings are signed: a run with others does not go on.
+    let complaint = run(folder, 2, &["shot.####.exr", "all.####.exr", "--skip-existing"]);
+    assert!(complaint.contains("its temporal differed"), "{complaint}");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shot(folder, 1..=2);
+    let refused = |arguments: &[&str], why: &str| {
+        let complaint = run(folder, 2, &[arguments, &["--temporal", "1"]].concat());
+        assert!(complaint.contains(why), "{complaint}");
+    };
+    refused(&["shot.####.exr", "shot.####.exr"], "names of their own");
+    refused(&["shot.0001.exr", "den.exr"], "wants a sequence");
+    refused(&["shot.####.exr", "den.####.exr", "--method", "nlm"], "not for the method nlm");
+    assert_eq!(std::fs::read_dir(folder).unwrap().count(), 2);
+}
