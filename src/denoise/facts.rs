@@ -70,21 +70,25 @@ impl Facts {
         }
     }
 
-    /// A pixel whose colour, half or AOV is bad is repaired in all of them.
     fn add_radiance(&mut self, rows: &Frame, y: usize) {
-        let halves = rows.halves().into_iter().flatten().flatten();
-        let planes = rows.color().iter().chain(halves).chain(rows.aovs().iter().flat_map(|aov| &aov.color));
-        let mut differ = false;
         let mut luminances = Vec::with_capacity(rows.width());
-        for_each_good(planes, y, good_radiance, |values| {
-            luminances.push(values[..3].iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0);
+        for_each_good(rows.color(), y, good_radiance, |values| {
+            luminances.push(values.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0);
             values.iter().for_each(|v| self.light.add_value(*v));
             self.color.iter_mut().zip(values).for_each(|(range, v)| range.add(*v));
-            differ |= rows.halves().is_some()
-                && (3..6).any(|i| half_difference_squared(values[i], values[i + 3]) > 0.0);
         });
         self.light.add_row(luminances.into_iter());
-        if rows.halves().is_some() {
+        for aov in rows.aovs() {
+            for_each_good(&aov.color, y, good_radiance, |values| {
+                values.iter().for_each(|v| self.light.add_value(*v));
+            });
+        }
+        if let Some(halves) = rows.halves() {
+            let mut differ = false;
+            for_each_good(halves.iter().flatten(), y, good_radiance, |values| {
+                values.iter().for_each(|v| self.light.add_value(*v));
+                differ |= (0..3).any(|c| half_difference_squared(values[c], values[c + 3]) > 0.0);
+            });
             *self.halves_differ.get_or_insert_default() |= differ;
         }
     }

@@ -1,7 +1,8 @@
 //! Stage 1: NaN, infinities and values beyond all measure are repaired from their neighbours, counted.
 //!
-//! A pixel whose colour (or one of its AOVs) is bad is repaired in all of them at once, by the mean of
-//! its good neighbours, so that what sums before sums after. Blocks are filled from their rim inwards.
+//! A pixel whose colour is bad is repaired in its AOVs and half buffers too, by the mean of its good
+//! neighbours, so that what sums before sums after. An AOV or half that is bad where the colour is good is
+//! repaired alone and costs the colour nothing. Blocks are filled from their rim inwards.
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
 
@@ -60,17 +61,27 @@ pub fn apply(frame: &Frame, variance_is_known: bool, counted: Rect, summary: &mu
         aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
         features: frame.features().to_vec(),
     };
-    let mut radiance: Vec<&mut Plane> =
-        clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten()).collect();
-    if let Some(halves) = &mut clean.halves {
-        radiance.extend(halves.iter_mut().flatten());
+    let bad_color = bad_pixels(frame.color(), good_radiance);
+    summary.repaired_color = repair(clean.color.iter_mut(), &bad_color, counted);
+    for (aov, planes) in frame.aovs().iter().zip(&mut clean.aovs) {
+        let bad = either(bad_pixels(&*planes, good_radiance), &bad_color);
+        let alone = repair(planes.iter_mut(), &bad, counted) - summary.repaired_color;
+        if alone > 0 {
+            let name = &aov.name;
+            summary
+                .notes
+                .push(format!("{name}: {alone} pixels repaired that are no numbers, the colour's are"));
+        }
     }
-    summary.repaired_color = repair(&mut radiance, counted, good_radiance);
+    if let Some(halves) = &mut clean.halves {
+        let bad = either(bad_pixels(halves.iter().flatten(), good_radiance), &bad_color);
+        repair(halves.iter_mut().flatten(), &bad, counted);
+    }
     summary.negative_color =
         counted.pixels().filter(|&(x, y)| clean.color.iter().any(|plane| plane.get(x, y) < 0.0)).count();
     if let Some(variance) = &mut clean.variance {
-        let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
-        summary.repaired_variance = repair(&mut planes, counted, good_variance);
+        let bad = bad_pixels(&*variance, good_variance);
+        summary.repaired_variance = repair(variance.iter_mut(), &bad, counted);
         if !variance_is_known {
             // Black would say that there is no noise.
             summary.notes.push("variance: left out, it is a number at no pixel".into());
@@ -79,19 +90,19 @@ pub fn apply(frame: &Frame, variance_is_known: bool, counted: Rect, summary: &mu
     }
     for feature in &mut clean.features {
         // Limited first: what is far to both sides has no mean.
-        let mut planes: Vec<&mut Plane> = feature.planes.iter_mut().collect();
-        planes.iter_mut().for_each(|plane| change(plane, limited_feature));
-        summary.repaired_features += repair(&mut planes, counted, |v| !v.is_nan());
+        feature.planes.iter_mut().for_each(|plane| change(plane, limited_feature));
+        let bad = bad_pixels(&feature.planes, |v| !v.is_nan());
+        summary.repaired_features += repair(feature.planes.iter_mut(), &bad, counted);
         for plane in feature.halves.iter_mut().flatten().flatten() {
             change(plane, limited_feature);
-            repair(&mut [plane], counted, |v| !v.is_nan());
+            let bad = bad_pixels([&*plane], |v| !v.is_nan());
+            repair([plane], &bad, counted);
         }
         if let Some(variance) = &mut feature.var_of_mean {
-            let mut planes: Vec<&mut Plane> = variance.iter_mut().collect();
-            planes
-                .iter_mut()
-                .for_each(|plane| change(plane, |v| v.clamp(f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE)));
-            summary.repaired_variance += repair(&mut planes, counted, |v| v >= 0.0);
+            let limited = |v: f32| v.clamp(f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE);
+            variance.iter_mut().for_each(|plane| change(plane, limited));
+            let bad = bad_pixels(&*variance, |v| v >= 0.0);
+            summary.repaired_variance += repair(variance.iter_mut(), &bad, counted);
         }
     }
     clean
@@ -101,16 +112,30 @@ fn change(plane: &mut Plane, f: impl Fn(f32) -> f32) {
     plane.data_mut().iter_mut().for_each(|v| *v = f(*v));
 }
 
-/// Replaces, in all `planes`, the pixels at which any of them is not `good` by the mean of their good
-/// neighbours, layer by layer from the rim; 0 where no good pixel is within [`REACH`]. Returns the number
-/// of pixels of `counted` repaired.
-fn repair(planes: &mut [&mut Plane], counted: Rect, good: impl Fn(f32) -> bool) -> usize {
+/// The pixels at which any of `planes` is not `good`.
+fn bad_pixels<'a>(planes: impl IntoIterator<Item = &'a Plane>, good: impl Fn(f32) -> bool) -> Vec<bool> {
+    let mut planes = planes.into_iter();
+    let mut bad: Vec<bool> = planes.next().into_iter().flat_map(Plane::data).map(|&v| !good(v)).collect();
+    for plane in planes {
+        bad.iter_mut().zip(plane.data()).for_each(|(bad, &v)| *bad |= !good(v));
+    }
+    bad
+}
+
+fn either(mut a: Vec<bool>, b: &[bool]) -> Vec<bool> {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
+    a
+}
+
+/// Replaces the `bad` pixels of `planes` by the mean of their good neighbours, layer by layer from the rim;
+/// by 0 where no good pixel is within [`REACH`]. Returns how many of `counted` were bad.
+fn repair<'a>(planes: impl IntoIterator<Item = &'a mut Plane>, bad: &[bool], counted: Rect) -> usize {
+    let mut planes: Vec<&mut Plane> = planes.into_iter().collect();
     let Some((width, height)) = planes.first().map(|plane| plane.size()) else { return 0 };
-    let mut bad: Vec<bool> =
-        (0..width * height).map(|i| planes.iter().any(|plane| !good(plane.data()[i]))).collect();
     if !bad.contains(&true) {
         return 0;
     }
+    let mut bad = bad.to_vec();
     let count = counted.pixels().filter(|&(x, y)| bad[y * width + x]).count();
     let neighbours = |i: usize| {
         let (x, y) = (i % width, i / width);
@@ -152,6 +177,33 @@ fn repair(planes: &mut [&mut Plane], counted: Rect, good: impl Fn(f32) -> bool) 
 mod tests {
     use super::*;
 
+    fn repair_one(plane: &mut Plane, counted: Rect) -> usize {
+        let bad = bad_pixels([&*plane], f32::is_finite);
+        repair([plane], &bad, counted)
+    }
+
+    #[test]
+    fn what_is_bad_beside_a_good_colour_costs_the_colour_nothing() {
+        let picture = || -> Rgb { std::array::from_fn(|c| Plane::filled(3, 2, 1.0 + c as f32)) };
+        let with = |bad: &[usize]| {
+            let mut rgb = picture();
+            bad.iter().for_each(|&i| rgb[1].data_mut()[i] = f32::NAN);
+            rgb
+        };
+        let aov = |name: &str, color| crate::frame::Aov { name: name.into(), color };
+        let frame = Frame::new(with(&[0]))
+            .and_then(|frame| frame.with_halves([with(&[1]), picture()]))
+            .and_then(|frame| frame.with_aov(aov("spotted", with(&[2]))))
+            .and_then(|frame| frame.with_aov(aov("broken", with(&[0, 1, 2, 3, 4, 5]))))
+            .unwrap();
+        let mut summary = Summary::default();
+        let clean = apply(&frame, false, Rect::whole((3, 2)), &mut summary);
+        assert_eq!((clean.color, clean.halves), (picture(), Some([picture(), picture()])));
+        assert_eq!(clean.aovs[0], picture());
+        assert!(clean.aovs[1].iter().flat_map(Plane::data).all(|&v| v == 0.0));
+        assert_eq!((summary.repaired_color, summary.notes.len()), (1, 2));
+    }
+
     #[test]
     fn a_block_of_nan_is_filled_from_its_rim_and_counted() {
         let mut plane = Plane::from_fn(9, 7, |_, _| 2.0);
@@ -159,7 +211,7 @@ mod tests {
             plane.data_mut()[y * 9 + x] = f32::NAN;
         }
         plane.data_mut()[1] = f32::INFINITY;
-        assert_eq!(repair(&mut [&mut plane], Rect::whole((9, 7)), f32::is_finite), 11);
+        assert_eq!(repair_one(&mut plane, Rect::whole((9, 7))), 11);
         assert!(plane.data().iter().all(|&v| v == 2.0));
     }
 
@@ -169,7 +221,7 @@ mod tests {
         let mut plane =
             Plane::from_fn(width, height, |x, _| if x > 0 && x < width - 1 { f32::NAN } else { 5.0 });
         let half = Rect { x: 0, y: 0, width: width / 2, height };
-        assert_eq!(repair(&mut [&mut plane], half, f32::is_finite), 3 * (REACH + 1));
+        assert_eq!(repair_one(&mut plane, half), 3 * (REACH + 1));
         let expected = |x: usize| if x.min(width - 1 - x) > REACH { 0.0 } else { 5.0 };
         assert_eq!(plane, Plane::from_fn(width, height, |x, _| expected(x)));
     }
@@ -177,7 +229,7 @@ mod tests {
     #[test]
     fn a_channel_without_a_good_pixel_becomes_black() {
         let mut plane = Plane::filled(3, 2, f32::NAN);
-        assert_eq!(repair(&mut [&mut plane], Rect::whole((3, 2)), f32::is_finite), 6);
+        assert_eq!(repair_one(&mut plane, Rect::whole((3, 2))), 6);
         assert_eq!(plane.data(), &[0.0; 6]);
     }
 
@@ -207,7 +259,8 @@ mod tests {
         let mut red = Plane::from_fn(3, 1, |x, _| x as f32);
         let mut green = Plane::from_fn(3, 1, |x, _| 10.0 * x as f32);
         green.data_mut()[1] = f32::NEG_INFINITY;
-        assert_eq!(repair(&mut [&mut red, &mut green], Rect::whole((3, 1)), f32::is_finite), 1);
+        let bad = bad_pixels([&red, &green], f32::is_finite);
+        assert_eq!(repair([&mut red, &mut green], &bad, Rect::whole((3, 1))), 1);
         assert_eq!((red.data()[1], green.data()[1]), (1.0, 10.0));
     }
 }
