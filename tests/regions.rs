@@ -1,5 +1,5 @@
-//! Regions of a picture, denoised apart and merged: the very file, to the byte, of the picture denoised as a
-//! whole.
+//! Regions of a picture, denoised apart and merged, and a picture denoised in bands: the very file, to the
+//! byte, of the picture denoised as a whole.
 
 mod exr_files;
 
@@ -10,6 +10,7 @@ use apr::image::Rect;
 use apr::io::{Picture, ReadOptions, Survey, merge};
 use apr::options::Kernel;
 use apr::{ErrorKind, Options, denoise};
+use assert_cmd::Command;
 use exr::prelude::*;
 use exr_files::*;
 
@@ -155,4 +156,73 @@ fn regions_that_do_not_fit_together_are_refused() {
     assert!(refusal(&[&paths[0], &of_other[0]]).contains("another input"));
     assert!(refusal(&[&paths[0], &foliage]).contains("--region"));
     assert!(!target.exists());
+}
+
+fn program(arguments: &[&str]) -> std::process::Output {
+    Command::cargo_bin("apr-denoise").unwrap().args(arguments).output().unwrap()
+}
+
+const QUICK: [&str; 5] = ["--preset", "fast", "--set", "window_radius=1", "--quiet"];
+
+#[test]
+fn the_program_merges_what_it_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let input = fixture("trace/foliage.exr").to_str().unwrap().to_owned();
+    let (width, height) = Survey::open(&input, &ReadOptions::default(), |_| {}).unwrap().size();
+    let run = |arguments: &[&str]| {
+        let output = program(arguments);
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    };
+    let denoise = |more: &[&str]| run(&[&QUICK[..], more].concat());
+    denoise(&[&input, &path("whole.exr")]);
+    denoise(&[&input, &path("a.exr"), "--region", &format!("0,0,{width},11"), "--report", &path("a.json")]);
+    denoise(&[&input, &path("b.exr"), "--region", &format!("0,11,{width},{}", height - 11)]);
+    run(&["merge", &path("merged.exr"), &path("b.exr"), &path("a.exr")]);
+    assert_eq!(std::fs::read(path("whole.exr")).unwrap(), std::fs::read(path("merged.exr")).unwrap());
+    assert!(std::fs::read_to_string(path("a.json")).unwrap().contains("\"estimated_error\""));
+
+    let c = path("c.exr");
+    let other = [&QUICK[..], &[&input, &c, "--region", "0,0,5,11", "--set", "max_order=1"]].concat();
+    run(&other);
+    let refused = program(&["merge", &path("merged.exr"), &path("b.exr"), &path("c.exr")]);
+    assert_eq!(refused.status.code(), Some(4));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("other options"));
+    for (region, word) in [("0,0,9999,1", "not inside"), ("1,2,3", "expected x,y,width,height")] {
+        let refused = program(&[&input, &path("d.exr"), "--region", region]);
+        assert_eq!(refused.status.code(), Some(2));
+        assert!(String::from_utf8_lossy(&refused.stderr).contains(word), "{refused:?}");
+    }
+}
+
+#[test]
+fn a_bound_of_memory_changes_no_bit_and_is_kept() {
+    const SIZE: (usize, usize) = (96, 900);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, whole, bands) = (path("in.exr"), path("whole.exr"), path("bands.exr"));
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B", "depth.Z", "A"];
+    let encoding = scan_lines(Compression::ZIP16);
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names)));
+    let run = |output: &str, more: &[&str]| {
+        let files = [&input[..], output, "--aux", "--set", "outliers.energy_radius=3"];
+        program(&[&files, &QUICK[..], more].concat())
+    };
+    assert!(run(&whole, &[]).status.success());
+    let refused = run(&bands, &["--memory", "1M"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    let least = message.trim().rsplit_once("at least ").expect(&message).1.to_owned();
+
+    let report = path("report.json");
+    let bounded = run(&bands, &["--memory", &least, "--report", &report]);
+    assert!(bounded.status.success(), "{}", String::from_utf8_lossy(&bounded.stderr));
+    assert_eq!(std::fs::read(whole).unwrap(), std::fs::read(bands).unwrap());
+    let report: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
+    assert!(report["bands"].as_u64().unwrap() > 2, "{}", report["bands"]);
+    let bound: u64 = least.trim_end_matches('M').parse().unwrap();
+    for stage in report["stages"].as_array().unwrap() {
+        let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
+        assert!(peak <= bound << 20, "{stage}");
+    }
 }

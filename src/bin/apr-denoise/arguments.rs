@@ -7,9 +7,10 @@ use apr::baseline::Method;
 use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
 use apr::options::Preset;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Parser, ValueEnum};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::frames::FrameSet;
+use crate::parts::{MemoryBound, Region};
 use crate::plan::Job;
 
 /// Denoise a Monte Carlo render.
@@ -21,7 +22,31 @@ use crate::plan::Job;
 /// shot.%04d.exr, shot.$F4.exr or shot.<frame4>.exr (in quotes, so that the shell leaves them alone).
 #[derive(Debug, Parser)]
 #[command(name = "apr-denoise", version, after_help = EXIT_CODES)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[expect(rustdoc::invalid_html_tags, reason = "help for people, not for rustdoc")]
+pub struct CommandLine {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub denoise: Option<Arguments>,
+}
+
+/// What this program does besides denoising.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Put the regions of a picture (see --region) together: the very file, to the byte, that denoising the
+    /// whole picture writes.
+    Merge {
+        /// Where the picture goes (EXR). Appears whole or not at all.
+        output: PathBuf,
+        /// The regions' files, in any order: all of one picture, by the same options.
+        #[arg(required = true)]
+        regions: Vec<PathBuf>,
+    },
+}
+
+/// Denoise one picture or a sequence.
+#[derive(Debug, Args)]
 pub struct Arguments {
     /// The render (EXR), or the renders of a sequence: 'shot.####.exr'.
     pub input: PathBuf,
@@ -59,6 +84,15 @@ pub struct Arguments {
     /// Use this many threads [default: one per core]. The result does not depend on it.
     #[arg(long, value_name = "N")]
     pub threads: Option<NonZeroUsize>,
+    /// Denoise this region alone: x and y of its first pixel, width and height, in the file's pixel
+    /// coordinates. Reads and computes no more than it needs; the result is a file of the region, and
+    /// `apr-denoise merge` puts such files together.
+    #[arg(long, value_name = "X,Y,W,H", allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["inspect", "sampling_map", "target_error", "temporal"])]
+    pub region: Option<Region>,
+    /// Use no more memory than this (such as 8G or 512M): the picture is denoised in bands, to the same bits.
+    #[arg(long, value_name = "SIZE", conflicts_with_all = ["sampling_map", "target_error", "temporal"])]
+    pub memory: Option<MemoryBound>,
 
     /// Frames of the sequence, such as 1-100:2,140 [default: all that are found].
     #[arg(long, value_name = "RANGES", allow_hyphen_values = true, help_heading = "Sequences")]
@@ -144,9 +178,9 @@ pub enum Missing {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense
+  2    usage: an option or argument makes no sense, --memory is too little
   3    an input is missing, damaged, or uses a feature that is not supported
-  4    the input lacks what is needed: no colour, sizes that differ
+  4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together
   5    the result cannot be written
   10   done, but the estimated error is above --target-error
   70   a defect of this program

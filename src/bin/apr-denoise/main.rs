@@ -1,4 +1,5 @@
-//! `apr-denoise in.exr out.exr`: parse, check, run, export.
+//! `apr-denoise in.exr out.exr`: parse, check, run, export. `apr-denoise merge out.exr region.exr…` puts
+//! regions together.
 
 mod arguments;
 mod clock;
@@ -6,6 +7,7 @@ mod failure;
 mod frames;
 mod generate;
 mod inspect;
+mod parts;
 mod pattern;
 mod plan;
 mod progress;
@@ -22,19 +24,25 @@ use std::process::ExitCode;
 
 use apr::error::{Error, ErrorKind, Result};
 
-use arguments::Arguments;
+use arguments::{Arguments, Command, CommandLine};
 use plan::Plan;
 
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
 
 fn main() -> ExitCode {
-    let arguments = generate::parse::<Arguments>();
-    failure::told(|| denoise(&arguments))
+    let CommandLine { command, denoise: arguments } = generate::parse();
+    signals::clean_up_when_stopped();
+    failure::told(|| match (&command, &arguments) {
+        (Some(Command::Merge { output, regions }), _) => {
+            apr::io::merge(output, regions).map(|()| ExitCode::SUCCESS)
+        }
+        (None, Some(arguments)) => denoise(arguments),
+        (None, None) => unreachable!("clap asks for one of them"),
+    })
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
-    signals::clean_up_when_stopped();
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
         pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;

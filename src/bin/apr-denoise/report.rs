@@ -2,12 +2,14 @@
 
 use apr::baseline::Denoiser;
 use apr::denoise::Stage;
-use apr::io::{Layout, Picture, SumCheck};
-use apr::{Denoised, Feature, Frame, Options, Summary};
+use apr::image::Rect;
+use apr::io::{Layout, RoleLayout, SumCheck};
+use apr::{Denoised, Frame, Options, Summary};
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
 use crate::inspect::sum_line;
+use crate::parts::{Input, Output};
 use crate::plan::Job;
 use crate::sampling::Sampling;
 use crate::sequence_report::Outcome;
@@ -25,6 +27,8 @@ pub struct Report<'a> {
     options: &'a Denoiser,
     /// Of all stages, wall clock.
     seconds: f64,
+    /// Bands that the picture was denoised in; the stages are then those of each.
+    bands: usize,
     /// Stages that were run, in order.
     stages: Vec<Cost>,
     /// Stages that were not.
@@ -61,32 +65,35 @@ pub struct EstimatedError {
 impl<'a> Report<'a> {
     /// Everything that is known after a run.
     pub fn new(
-        picture: &'a Picture,
+        input: &'a Input,
         denoiser: &'a Denoiser,
-        denoised: &'a Denoised,
+        output: &'a Output,
         stages: Vec<Cost>,
         notes: Vec<String>,
         job: &Job,
         sampling: Option<&'a Sampling>,
     ) -> Self {
+        let (layout, denoised) = (input.layout(), &output.denoised);
         let skipped = denoiser
             .pipeline()
-            .map_or_else(Vec::new, |options| skipped(picture.frame(), options, &denoised.summary, &stages));
+            .filter(|_| output.parts == 1)
+            .map_or_else(Vec::new, |options| skipped(layout, options, &denoised.summary, &stages));
         let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
         Self {
             program: env!("CARGO_PKG_NAME"),
             version: env!("CARGO_PKG_VERSION"),
             frame: job.frame,
             output: job.output.display().to_string(),
-            layout: picture.layout(),
+            layout,
             method: denoiser.method().name(),
             options: denoiser,
             seconds: stages.iter().map(|stage| stage.seconds).sum(),
+            bands: output.parts,
             stages: stages.into_iter().filter(ran).collect(),
             skipped,
             summary: &denoised.summary,
-            estimated_error: EstimatedError::new(picture.frame(), denoised),
-            sums: picture.sums(denoised),
+            estimated_error: output.error.mean(),
+            sums: input.sums(denoised),
             sampling,
             notes,
         }
@@ -116,13 +123,13 @@ impl<'a> Report<'a> {
 }
 
 /// The stages that had nothing to do, and why.
-fn skipped(frame: &Frame, options: &Options, summary: &Summary, run: &[Cost]) -> Vec<Skipped> {
-    let noisy = |feature: &Feature| feature.var_of_mean.is_some() || feature.halves.is_some();
+fn skipped(layout: &Layout, options: &Options, summary: &Summary, run: &[Cost]) -> Vec<Skipped> {
+    let noisy = |role: &RoleLayout| role.is_feature() && role.statistic != "mean";
     let reason = |stage: Stage| match stage {
         _ if run.iter().all(|cost| cost.stage != name(stage)) => Some("there is no noise to take out"),
         Stage::Outliers if !options.outliers.enabled => Some("switched off by the options"),
         Stage::Prefilter if !options.prefilter.enabled => Some("switched off by the options"),
-        Stage::Prefilter if !frame.features().iter().any(noisy) => {
+        Stage::Prefilter if !layout.roles.iter().any(noisy) && layout.half.is_none() => {
             Some("no feature has a variance or halves")
         }
         Stage::Energy if summary.outliers == 0 && !options.restore => Some("there are no outliers"),
@@ -134,25 +141,46 @@ fn skipped(frame: &Frame, options: &Options, summary: &Summary, run: &[Cost]) ->
     stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
 }
 
-impl EstimatedError {
-    fn new(frame: &Frame, denoised: &Denoised) -> Self {
+/// The estimated errors of the pixels so far, summed.
+#[derive(Debug, Clone, Default)]
+pub struct ErrorSums {
+    pixels: usize,
+    /// As it is, and relative.
+    before: Option<[f64; 2]>,
+    after: [f64; 2],
+}
+
+impl ErrorSums {
+    /// Adds the pixels `within` a frame, which `denoised` holds.
+    pub fn add(&mut self, frame: &Frame, within: Rect, denoised: &Denoised) {
         /// The same as in relMSE: keeps black pixels from deciding everything.
         const EPSILON: f64 = 0.01;
-        let color = &denoised.color;
-        let brightness = |i: usize| color.iter().map(|plane| f64::from(plane.data()[i])).sum::<f64>() / 3.0;
-        let mean = |error: &dyn Fn(usize) -> f64, relative: bool| {
-            let count = color[0].data().len();
-            let of = |i: usize| error(i) / if relative { brightness(i).powi(2) + EPSILON } else { 1.0 };
-            (0..count).map(of).filter(|e| e.is_finite()).sum::<f64>() / count as f64
-        };
         let input = input_error(frame);
-        let before = |relative| input.as_ref().map(|at| mean(at, relative));
-        let after = |i: usize| f64::from(denoised.mse.data()[i]);
-        Self {
-            mse_before: before(false),
-            mse_after: mean(&after, false),
-            relative_before: before(true),
-            relative_after: mean(&after, true),
+        self.pixels += within.width * within.height;
+        for (x, y) in within.pixels() {
+            let (out_x, out_y) = (x - within.x, y - within.y);
+            let color = denoised.color.iter().map(|plane| f64::from(plane.get(out_x, out_y)));
+            let scale = (color.sum::<f64>() / 3.0).powi(2) + EPSILON;
+            let add = |sums: &mut [f64; 2], error: f64| {
+                let terms = [error, error / scale];
+                let finite = sums.iter_mut().zip(terms).filter(|(_, term)| term.is_finite());
+                finite.for_each(|(sum, term)| *sum += term);
+            };
+            add(&mut self.after, f64::from(denoised.mse.get(out_x, out_y)));
+            if let Some(input) = &input {
+                add(self.before.get_or_insert_default(), input(y * frame.width() + x));
+            }
+        }
+    }
+
+    /// The means.
+    pub fn mean(&self) -> EstimatedError {
+        let mean = |sum: f64| sum / self.pixels as f64;
+        EstimatedError {
+            mse_before: self.before.map(|[sum, _]| mean(sum)),
+            mse_after: mean(self.after[0]),
+            relative_before: self.before.map(|[_, sum]| mean(sum)),
+            relative_after: mean(self.after[1]),
         }
     }
 }

@@ -1,8 +1,8 @@
 //! The run: one frame or many, the next being read and the last being written while one is computed.
 //!
 //! Three frames are held at most: one that was read and waits, one that is denoised, one that is
-//! written; with `--temporal N` also those beside them, 2N + 3 in all. The order of the work changes no bit
-//! of any result.
+//! written; with `--temporal N` also those beside them, 2N + 3 in all. By parts (`--region`, `--memory`) only
+//! the results of two are. The order of the work changes no bit of any result.
 
 use std::collections::HashSet;
 use std::io::Write;
@@ -11,7 +11,6 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use apr::Denoised;
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, Picture};
@@ -19,12 +18,13 @@ use apr::io::{self, Picture};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
+use crate::parts::{Input, Output};
 use crate::plan::{Job, Plan};
 use crate::progress::Progress;
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
-use crate::shot::{Shelf, Shot};
+use crate::shot::Shelf;
 
 /// What all frames share.
 struct Run<'a> {
@@ -96,7 +96,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
 }
 
 impl<'a> Run<'a> {
-    fn read_all(&'a self, next: &SyncSender<Step<'a, Shot>>) {
+    fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
         let mut shelf = Shelf::default();
         let reach = i32::from(self.arguments.temporal);
         for (index, job) in self.plan.jobs.iter().enumerate() {
@@ -105,13 +105,16 @@ impl<'a> Run<'a> {
             }
             let progress = self.progress.of_frame(index, job.frame.map(|_| job.label()));
             let clock = Clock::new(progress, self.plan.jobs.len() == 1);
-            let shot = self.tried(index, || {
+            let input = self.tried(index, || {
                 clock.begin("read");
-                let shot = shelf.shot(self.plan, job, reach, |job| self.read(job));
+                let whole = || shelf.shot(self.plan, job, reach, |job| self.read(job));
+                let (arguments, frames) = (self.arguments, self.plan.jobs.len());
+                let input = Input::read(job, arguments, self.denoiser, self.signature, frames, whole)?;
                 clock.pause();
-                shot
+                self.warn_of(job, &input);
+                Ok(input)
             });
-            let Some(content) = shot else { continue };
+            let Some(content) = input else { continue };
             if next.send(Step { index, clock, content }).is_err() {
                 return;
             }
@@ -120,32 +123,31 @@ impl<'a> Run<'a> {
 
     fn denoise_all(
         &'a self,
-        shots: &Receiver<Step<'a, Shot>>,
-        next: &SyncSender<Step<'a, (Shot, Denoised)>>,
+        inputs: &Receiver<Step<'a, Input>>,
+        next: &SyncSender<Step<'a, (Input, Output)>>,
     ) {
-        for Step { index, clock, content: shot } in shots {
+        for Step { index, clock, content: input } in inputs {
             if index > self.last.load(Ordering::Relaxed) {
                 continue;
             }
-            let denoised = self.tried(index, || {
+            let output = self.tried(index, || {
                 if self.denoiser.pipeline().is_none() {
                     clock.begin(self.denoiser.method().name()); // which tells of no stages
                 }
-                let denoised =
-                    self.denoiser.denoise_in_sequence(shot.picture.frame(), &shot.neighbours(), &clock);
+                let output = input.denoise(self.denoiser, &clock);
                 clock.pause();
-                denoised
+                output
             });
-            let Some(denoised) = denoised else { continue };
-            if next.send(Step { index, clock, content: (shot.alone(), denoised) }).is_err() {
+            let Some(output) = output else { continue };
+            if next.send(Step { index, clock, content: (input.denoised(), output) }).is_err() {
                 return;
             }
         }
     }
 
-    fn write_all(&self, results: &Receiver<Step<'a, (Shot, Denoised)>>) {
-        for Step { index, clock, content: (shot, denoised) } in results {
-            let written = self.tried(index, || self.write(&self.plan.jobs[index], &shot, &denoised, clock));
+    fn write_all(&self, results: &Receiver<Step<'a, (Input, Output)>>) {
+        for Step { index, clock, content: (input, output) } in results {
+            let written = self.tried(index, || self.write(&self.plan.jobs[index], &input, &output, clock));
             if let Some(outcome) = written {
                 self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
             }
@@ -155,23 +157,24 @@ impl<'a> Run<'a> {
     fn read(&self, job: &Job) -> Result<Picture> {
         let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
         picture.sign(self.signature);
-        if !self.arguments.quiet {
-            picture.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
-        }
         Ok(picture)
     }
 
-    fn write(&self, job: &Job, shot: &Shot, denoised: &Denoised, clock: Clock) -> Result<Outcome> {
+    fn write(&self, job: &Job, input: &Input, output: &Output, clock: Clock) -> Result<Outcome> {
         clock.begin("write");
-        let picture = &*shot.picture;
-        let sampling = Sampling::new(picture, self.denoiser, denoised, job, self.arguments.target_error)?;
-        let mut notes = picture.write(&job.output, denoised, self.arguments.aux)?;
-        notes.extend(shot.note());
+        let sampling = match input {
+            Input::Whole(shot) => {
+                let (picture, target) = (&shot.picture, self.arguments.target_error);
+                Sampling::new(picture, self.denoiser, &output.denoised, job, target)?
+            }
+            Input::Parts(_) => None,
+        };
+        let notes = input.write(job, &output.denoised, self.arguments)?;
         let stages = clock.finish();
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
         }
-        let report = Report::new(picture, self.denoiser, denoised, stages, notes, job, sampling.as_ref());
+        let report = Report::new(input, self.denoiser, output, stages, notes, job, sampling.as_ref());
         if let Some(path) = &job.report {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }
@@ -200,6 +203,12 @@ impl<'a> Run<'a> {
             Outcome::Failed { exit_code: error.kind().exit_code(), error: error.to_string() };
         self.errors.lock().unwrap_or_else(PoisonError::into_inner).push((index, error));
         None
+    }
+
+    fn warn_of(&self, job: &Job, input: &Input) {
+        if !self.arguments.quiet {
+            input.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
+        }
     }
 
     fn warn(&self, job: &Job, warning: &str) {
