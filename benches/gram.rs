@@ -3,6 +3,7 @@
 //! triangles and n·p·r for the right-hand sides; what pads a triangle or a vector does not count.
 
 #[path = "../src/denoise/gram.rs"]
+#[allow(dead_code, reason = "the kernel's twin and its tests are not measured")]
 mod gram;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

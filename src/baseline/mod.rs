@@ -206,7 +206,7 @@ impl Denoiser {
 }
 
 impl Denoiser {
-    /// Denoises a part of a picture, as [`denoise_part`](crate::denoise::denoise_part) does it.
+    /// Denoises a part of a picture, as [`denoise_part`] does it.
     ///
     /// # Errors
     /// When an option is out of its range, the frame is not of the part's size, or the method is not the
