@@ -15,6 +15,7 @@
 //! standard deviation); least on fine texture, which half the resolution does not show (foliage 0.23).
 
 use crate::denoise::denoise;
+use crate::denoise::variance::half_difference_squared;
 use crate::error::Result;
 use crate::frame::{Feature, FeatureKind, Frame};
 use crate::image::{Plane, Rgb};
@@ -63,7 +64,9 @@ fn one_colour(frame: &Frame, colour: usize) -> Result<Frame> {
     let mut half = Frame::new(means(frame.color()))?;
     let noise = |c: usize| match (frame.color_var_of_mean(), frame.halves()) {
         (Some(variance), _) => Some(blocks(&|x, y| variance[c].get(x, y), 2)),
-        (None, Some([a, b])) => Some(blocks(&|x, y| (0.5 * (a[c].get(x, y) - b[c].get(x, y))).powi(2), 2)),
+        (None, Some([a, b])) => {
+            Some(blocks(&|x, y| half_difference_squared(a[c].get(x, y), b[c].get(x, y)), 2))
+        }
         (None, None) => None,
     };
     if let [Some(r), Some(g), Some(b)] = [0, 1, 2].map(noise) {

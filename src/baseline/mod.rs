@@ -203,9 +203,7 @@ impl Denoiser {
             }
         }
     }
-}
 
-impl Denoiser {
     /// Denoises a part of a picture, as [`denoise_part`] does it.
     ///
     /// # Errors
