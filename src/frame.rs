@@ -313,8 +313,12 @@ pub struct Summary {
     pub negative_color: usize,
     /// Pixels whose variance was NaN, infinite or negative and was replaced.
     pub repaired_variance: usize,
-    /// Samples of features that were NaN or infinite and were replaced.
+    /// Pixels of features that were NaN and were replaced, summed over the features.
     pub repaired_features: usize,
+    /// Pixels of half buffers, the colour's and the features', that were no numbers where the colour is one.
+    pub repaired_halves: usize,
+    /// The same of AOVs, summed over them.
+    pub repaired_aovs: usize,
     /// Outliers that were taken out before the fit.
     pub outliers: usize,
     /// Energy (sum of the channels) taken out with them and given back after the fit.
@@ -341,6 +345,8 @@ impl Summary {
         self.negative_color += part.negative_color;
         self.repaired_variance += part.repaired_variance;
         self.repaired_features += part.repaired_features;
+        self.repaired_halves += part.repaired_halves;
+        self.repaired_aovs += part.repaired_aovs;
         self.outliers += part.outliers;
         self.energy_moved.iter_mut().zip(part.energy_moved).for_each(|(sum, energy)| *sum += energy);
         self.centres += part.centres;

@@ -43,7 +43,7 @@ impl<'a> Input<'a> {
         let mut summary = Summary { method, ..Summary::default() };
         let facts = Facts::of(frame);
         let all = Rect::whole((frame.width(), frame.height()));
-        let mut clean = sanitize::apply(frame, facts.variance_is_known(), all, &mut summary);
+        let mut clean = sanitize::apply(frame, &facts.known(), all, &mut summary);
         let mut variance = variance::of_mean(&clean, &mut summary);
         let exposure = facts.exposure();
         expose_all(&mut clean, &mut variance, exposure);

@@ -5,7 +5,7 @@
 //! Only good values are asked: what the first stage repairs is a mean of those, or black.
 
 use super::exposure::Light;
-use super::sanitize::{good_radiance, good_variance, limited_feature};
+use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
 use super::variance::half_difference_squared;
 use crate::frame::{Feature, Frame};
 use crate::image::Plane;
@@ -14,22 +14,46 @@ use crate::image::Plane;
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Facts {
     light: Light,
-    /// The variance of the colour is a number at some pixel.
-    variance_known: bool,
-    /// It is above 0 at some pixel.
-    variance_noisy: bool,
-    /// Whether the halves differ at some pixel, where there are halves.
-    halves_differ: Option<bool>,
     color: [Range; 3],
+    variance: Option<[Noise; 3]>,
+    halves: Option<[Noise; 3]>,
+    /// For each AOV and channel whether it is a number anywhere.
+    aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
 }
 
 /// What is known of a feature.
 #[derive(Debug, Clone, PartialEq)]
 struct FeatureFacts {
-    /// Its variance or its halves show noise.
-    noisy: bool,
     planes: Vec<Range>,
+    variance: Option<Vec<Noise>>,
+    halves: Option<Vec<Noise>>,
+}
+
+/// What of a picture is a number at any pixel; the rest says nothing and is left out.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Known {
+    /// For each channel.
+    pub color: [bool; 3],
+    /// Each channel's variance is, but that of channels which are not.
+    pub variance: bool,
+    /// The same of the halves.
+    pub halves: bool,
+    /// For each AOV and channel.
+    pub aovs: Vec<[bool; 3]>,
+    /// For each feature.
+    pub features: Vec<KnownFeature>,
+}
+
+/// What of a feature is a number at any pixel.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct KnownFeature {
+    /// For each plane.
+    pub planes: Vec<bool>,
+    /// Each plane's variance is, but that of planes which are not.
+    pub variance: bool,
+    /// The same of the halves.
+    pub halves: bool,
 }
 
 /// Whether a plane has two different values.
@@ -43,6 +67,36 @@ impl Range {
     fn add(&mut self, value: f32) {
         self.varies |= *self.first.get_or_insert(value) != value;
     }
+
+    fn is_known(&self) -> bool {
+        self.first.is_some()
+    }
+}
+
+/// What a plane of variances, or a plane of each half, says of the noise.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Noise {
+    /// It is a number at some pixel.
+    known: bool,
+    /// It shows noise at some pixel.
+    noisy: bool,
+}
+
+impl Noise {
+    /// Adds a variance of some pixel.
+    fn add(&mut self, variance: f32) {
+        self.known = true;
+        self.noisy |= variance > 0.0;
+    }
+}
+
+/// Whether a statistic is known of every plane that is itself `known`.
+fn all_known(statistic: Option<&[Noise]>, known: &[bool]) -> bool {
+    statistic.is_some_and(|noise| noise.iter().zip(known).all(|(noise, known)| noise.known || !known))
+}
+
+fn any_noisy(statistic: Option<&[Noise]>, known: &[bool]) -> bool {
+    statistic.into_iter().flatten().zip(known).any(|(noise, known)| noise.noisy && *known)
 }
 
 impl Facts {
@@ -55,47 +109,60 @@ impl Facts {
 
     /// Adds the next rows, in their full width. Every call has the same kinds of planes.
     pub fn add(&mut self, rows: &Frame) {
+        self.aovs.resize(rows.aovs().len(), [false; 3]);
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
         }
         for y in 0..rows.height() {
             self.add_radiance(rows, y);
             if let Some(variance) = rows.color_var_of_mean() {
-                for_each_good(variance, y, good_variance, |values| {
-                    self.variance_known = true;
-                    self.variance_noisy |= values.iter().any(|v| *v > 0.0);
-                });
+                let noise = self.variance.get_or_insert_default();
+                add_variance(noise, variance, y, good_variance);
+            }
+            if let Some(halves) = rows.halves() {
+                let noise = self.halves.get_or_insert_default();
+                add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
+                let values = halves.iter().flatten().flat_map(|plane| plane.row(y));
+                values.filter(|v| good_radiance(**v)).for_each(|v| self.light.add_value(*v));
             }
             self.features.iter_mut().zip(rows.features()).for_each(|(facts, feature)| facts.add(feature, y));
         }
     }
 
     fn add_radiance(&mut self, rows: &Frame, y: usize) {
-        let mut luminances = Vec::with_capacity(rows.width());
-        for_each_good(rows.color(), y, good_radiance, |values| {
-            luminances.push(values.iter().map(|v| f64::from(*v)).sum::<f64>() / 3.0);
-            values.iter().for_each(|v| self.light.add_value(*v));
-            self.color.iter_mut().zip(values).for_each(|(range, v)| range.add(*v));
+        let color = rows.color().each_ref().map(|plane| plane.row(y));
+        let good = |x: usize| color.iter().enumerate().filter(move |(_, row)| good_radiance(row[x]));
+        let luminances = (0..rows.width()).filter_map(|x| {
+            let (sum, n) = good(x).fold((0.0, 0.0), |(sum, n), (_, row)| (sum + f64::from(row[x]), n + 1.0));
+            (n > 0.0).then(|| sum / n)
         });
-        self.light.add_row(luminances.into_iter());
-        for aov in rows.aovs() {
-            for_each_good(&aov.color, y, good_radiance, |values| {
-                values.iter().for_each(|v| self.light.add_value(*v));
-            });
+        self.light.add_row(luminances);
+        for x in 0..rows.width() {
+            for (c, row) in good(x) {
+                self.light.add_value(row[x]);
+                self.color[c].add(row[x]);
+            }
         }
-        if let Some(halves) = rows.halves() {
-            let mut differ = false;
-            for_each_good(halves.iter().flatten(), y, good_radiance, |values| {
-                values.iter().for_each(|v| self.light.add_value(*v));
-                differ |= (0..3).any(|c| half_difference_squared(values[c], values[c + 3]) > 0.0);
-            });
-            *self.halves_differ.get_or_insert_default() |= differ;
+        for (known, aov) in self.aovs.iter_mut().zip(rows.aovs()) {
+            for (known, plane) in known.iter_mut().zip(&aov.color) {
+                for value in plane.row(y).iter().filter(|v| good_radiance(**v)) {
+                    self.light.add_value(*value);
+                    *known = true;
+                }
+            }
         }
     }
 
-    /// These facts, for a frame whose variance is known as `other`'s is.
-    pub(super) fn with_variance_of(&self, other: &Self) -> Self {
-        Self { variance_known: other.variance_known, ..self.clone() }
+    /// What is a number at any pixel.
+    pub(crate) fn known(&self) -> Known {
+        let color = self.color.each_ref().map(Range::is_known);
+        Known {
+            color,
+            variance: all_known(self.variance.as_ref().map(|v| &v[..]), &color),
+            halves: all_known(self.halves.as_ref().map(|v| &v[..]), &color),
+            aovs: self.aovs.clone(),
+            features: self.features.iter().map(FeatureFacts::known).collect(),
+        }
     }
 
     /// The factor that brings the picture to the exposure in which the method's constants are meant.
@@ -103,24 +170,20 @@ impl Facts {
         self.light.scale()
     }
 
-    /// Whether the variance of the colour is a number at any pixel.
-    pub(crate) fn variance_is_known(&self) -> bool {
-        self.variance_known
-    }
-
     /// Whether there is anything to take out: some variance above 0, halves that differ, or, where neither
     /// is known, a colour that is not the same everywhere.
     pub fn has_noise(&self) -> bool {
-        match (self.variance_known, self.halves_differ) {
-            (true, _) => self.variance_noisy,
-            (false, Some(differ)) => differ,
-            (false, None) => self.color.iter().any(|range| range.varies),
+        let known = self.known();
+        match (known.variance, known.halves) {
+            (true, _) => any_noisy(self.variance.as_ref().map(|v| &v[..]), &known.color),
+            (false, true) => any_noisy(self.halves.as_ref().map(|v| &v[..]), &known.color),
+            (false, false) => self.color.iter().any(|range| range.varies),
         }
     }
 
     /// Whether the variance or the halves of the frame's `feature`th feature show noise.
     pub fn feature_is_noisy(&self, feature: usize) -> bool {
-        self.features[feature].noisy
+        self.features[feature].is_noisy()
     }
 
     /// Whether a plane of a feature is the same everywhere.
@@ -131,60 +194,64 @@ impl Facts {
 
 impl FeatureFacts {
     fn new(feature: &Feature) -> Self {
-        Self { noisy: false, planes: vec![Range::default(); feature.planes.len()] }
+        let planes = feature.planes.len();
+        Self {
+            planes: vec![Range::default(); planes],
+            variance: feature.var_of_mean.as_ref().map(|_| vec![Noise::default(); planes]),
+            halves: feature.halves.as_ref().map(|_| vec![Noise::default(); planes]),
+        }
     }
 
     fn add(&mut self, feature: &Feature, y: usize) {
-        let limited = |values: &[f32]| values.iter().map(|v| limited_feature(*v)).collect::<Vec<_>>();
-        for_each_good(
-            &feature.planes,
-            y,
-            |v| !v.is_nan(),
-            |values| {
-                self.planes.iter_mut().zip(limited(values)).for_each(|(range, v)| range.add(v));
-            },
-        );
-        match (&feature.var_of_mean, &feature.halves) {
-            (Some(variance), _) => for_each_good(
-                variance,
-                y,
-                |v| v >= 0.0,
-                |values| {
-                    self.noisy |= values.iter().any(|v| *v > 0.0);
-                },
-            ),
-            (None, Some([a, b])) => {
-                for pair in a.iter().zip(b) {
-                    for_each_good(
-                        <[&Plane; 2]>::from(pair),
-                        y,
-                        |v| !v.is_nan(),
-                        |values| {
-                            let limited = limited(values);
-                            self.noisy |= half_difference_squared(limited[0], limited[1]) > 0.0;
-                        },
-                    );
-                }
-            }
-            (None, None) => {}
+        for (range, plane) in self.planes.iter_mut().zip(&feature.planes) {
+            let good = plane.row(y).iter().filter(|v| good_feature(feature.kind, **v));
+            good.for_each(|v| range.add(limited_feature(*v)));
+        }
+        if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
+            add_variance(noise, variance, y, good_feature_variance);
+        }
+        if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
+            add_halves(noise, [a, b], y, |v| good_feature(feature.kind, v), limited_feature);
+        }
+    }
+
+    fn known(&self) -> KnownFeature {
+        let planes: Vec<bool> = self.planes.iter().map(Range::is_known).collect();
+        KnownFeature {
+            variance: all_known(self.variance.as_deref(), &planes),
+            halves: all_known(self.halves.as_deref(), &planes),
+            planes,
+        }
+    }
+
+    fn is_noisy(&self) -> bool {
+        let known = self.known();
+        match (known.variance, known.halves) {
+            (true, _) => any_noisy(self.variance.as_deref(), &known.planes),
+            (false, true) => any_noisy(self.halves.as_deref(), &known.planes),
+            (false, false) => false,
         }
     }
 }
 
-/// Hands the values of `planes` at each pixel of row `y` to `take`, where all of them are `good`.
-fn for_each_good<'p>(
-    planes: impl IntoIterator<Item = &'p Plane>,
+/// Adds row `y` of the variances of some planes.
+fn add_variance(noise: &mut [Noise], variance: &[Plane], y: usize, good: impl Fn(f32) -> bool) {
+    for (noise, plane) in noise.iter_mut().zip(variance) {
+        plane.row(y).iter().filter(|v| good(**v)).for_each(|v| noise.add(*v));
+    }
+}
+
+/// Adds row `y` of both halves of some planes, where both are good, `limited`.
+fn add_halves(
+    noise: &mut [Noise],
+    [a, b]: [&[Plane]; 2],
     y: usize,
     good: impl Fn(f32) -> bool,
-    mut take: impl FnMut(&[f32]),
+    limited: impl Fn(f32) -> f32,
 ) {
-    let rows: Vec<&[f32]> = planes.into_iter().map(|plane| plane.row(y)).collect();
-    let mut values = vec![0.0; rows.len()];
-    for x in 0..rows[0].len() {
-        values.iter_mut().zip(&rows).for_each(|(value, row)| *value = row[x]);
-        if values.iter().all(|v| good(*v)) {
-            take(&values);
-        }
+    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)) {
+        let pairs = a.row(y).iter().zip(b.row(y)).filter(|(a, b)| good(**a) && good(**b));
+        pairs.for_each(|(a, b)| noise.add(half_difference_squared(limited(*a), limited(*b))));
     }
 }
 
@@ -236,7 +303,7 @@ mod tests {
         let flat = || Frame::new(rgb(|_, _| 1.0)).unwrap();
         assert!(!Facts::of(&flat()).has_noise());
         let unknown = flat().with_variance_of_mean(rgb(|_, _| f32::NAN)).unwrap();
-        assert!(!Facts::of(&unknown).variance_is_known());
+        assert!(!Facts::of(&unknown).known().variance);
         let half = |bad: f32| rgb(move |x, _| if x == 4 { bad } else { 1.0 });
         let halves = |bad: f32| flat().with_halves([half(bad), half(1.0)]).unwrap();
         assert!(!Facts::of(&halves(f32::INFINITY)).has_noise());

@@ -26,6 +26,7 @@ use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
 use basis::Basis;
+use facts::Known;
 use outlier::Outlier;
 use reconstruct::Area;
 use sanitize::Clean;
@@ -129,12 +130,12 @@ fn run(
 
     if !facts.has_noise() {
         observer.stage(Stage::Sanitize);
-        let clean = sanitize::apply(frame, facts.variance_is_known(), wanted, &mut summary);
+        let clean = sanitize::apply(frame, &facts.known(), wanted, &mut summary);
         summary.notes.push("nothing to do: the picture has no noise".into());
         return Ok(unchanged(frame, clean, wanted, summary));
     }
     let exposure = facts.exposure();
-    let ready = prepare(frame, facts, options, wanted, observer, &mut summary);
+    let ready = prepare(frame, facts, &facts.known(), options, wanted, observer, &mut summary);
     let counted = |(o, _): &(&Outlier, _)| wanted.contains(o.x, o.y);
     summary.outliers = ready.outliers.iter().zip(&ready.taken[0]).filter(counted).count();
     summary.energy_moved = std::array::from_fn(|c| {
@@ -143,8 +144,8 @@ fn run(
     });
     // A frame beside is brought to this one's exposure and columns.
     let beside = |other: &Frame| {
-        let facts = facts.with_variance_of(&Facts::of(other));
-        prepare(other, &facts, options, wanted, &Silent, &mut Summary::default())
+        let known = Facts::of(other).known();
+        prepare(other, facts, &known, options, wanted, &Silent, &mut Summary::default())
     };
     let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
     let Ready { clean, variance, smoothed, outliers, taken, design, albedo } = ready;
@@ -222,6 +223,7 @@ struct Design {
 fn prepare(
     frame: &Frame,
     facts: &Facts,
+    known: &Known,
     options: &Options,
     wanted: Rect,
     observer: &dyn Observer,
@@ -229,7 +231,7 @@ fn prepare(
 ) -> Ready {
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
-    let mut clean = sanitize::apply(frame, facts.variance_is_known(), wanted, summary);
+    let mut clean = sanitize::apply(frame, known, wanted, summary);
     let mut variance = variance::of_mean(&clean, summary);
     expose(&mut clean, &mut variance, facts.exposure());
 
@@ -244,7 +246,7 @@ fn prepare(
     let taken = targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
 
     observer.stage(Stage::Prefilter);
-    let (design, albedo) = design_features(&clean, facts, options, summary);
+    let (design, albedo) = design_features(&clean, facts, known, options, summary);
     let smoothed = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
     Ready { clean, variance, smoothed, outliers, taken, design, albedo }
 }
@@ -311,6 +313,7 @@ impl Guides {
 fn design_features(
     clean: &Clean,
     facts: &Facts,
+    known: &Known,
     options: &Options,
     summary: &mut Summary,
 ) -> (Vec<Design>, Option<Rgb>) {
@@ -330,7 +333,8 @@ fn design_features(
         for (i, plane) in filtered.into_iter().enumerate() {
             let name = format!("{}.{i}", feature.name);
             if facts.feature_is_constant(f, i) {
-                summary.notes.push(format!("feature {name}: left out, it is constant"));
+                let why = if known.features[f].planes[i] { "constant" } else { "a number at no pixel" };
+                summary.notes.push(format!("feature {name}: left out, it is {why}"));
             } else {
                 summary.columns.push(name);
                 design.push(Design { kind: feature.kind, plane });

@@ -2,11 +2,13 @@
 //!
 //! A pixel whose colour is bad is repaired in its AOVs and half buffers too, by the mean of its good
 //! neighbours, so that what sums before sums after. An AOV or half that is bad where the colour is good is
-//! repaired alone and costs the colour nothing. Blocks are filled from their rim inwards.
+//! repaired alone and costs the colour nothing. Blocks are filled from their rim inwards. A plane that is a
+//! number nowhere is left out, and costs the others nothing.
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
 
-use crate::frame::{Feature, Frame, Summary};
+use super::facts::{Known, KnownFeature};
+use crate::frame::{Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
 
 /// Pixels up to this far from a good one are repaired from what is good.
@@ -46,66 +48,115 @@ pub fn good_variance(value: f32) -> bool {
     (0.0..=LARGEST_VARIANCE).contains(&value)
 }
 
-/// A feature's value in the range that the method can take; NaN stays.
+/// Whether a feature's value says something. An infinite depth or position does: nothing was hit.
+pub fn good_feature(kind: FeatureKind, value: f32) -> bool {
+    value.is_finite() || (value.is_infinite() && matches!(kind, FeatureKind::Depth | FeatureKind::Position))
+}
+
+/// Such a value in the range that the method can take.
 pub fn limited_feature(value: f32) -> f32 {
     value.clamp(-LARGEST_FEATURE, LARGEST_FEATURE)
 }
 
-/// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. The
-/// variance is left out unless it is a number somewhere in the whole picture (`variance_is_known`).
-pub fn apply(frame: &Frame, variance_is_known: bool, counted: Rect, summary: &mut Summary) -> Clean {
+/// Whether a feature's variance is one.
+pub fn good_feature_variance(value: f32) -> bool {
+    value >= 0.0 && value.is_finite()
+}
+
+/// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Planes
+/// that are a number nowhere in the whole picture, as it is `known`, are left out: of the colour and the AOVs
+/// such a channel is black, of the features such a plane is 0, statistics are done without.
+pub(crate) fn apply(frame: &Frame, known: &Known, counted: Rect, summary: &mut Summary) -> Clean {
     let mut clean = Clean {
         color: frame.color().clone(),
-        variance: frame.color_var_of_mean().cloned(),
-        halves: frame.halves().cloned(),
+        variance: frame.color_var_of_mean().filter(|_| known.variance).cloned(),
+        halves: frame.halves().filter(|_| known.halves).cloned(),
         aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
         features: frame.features().to_vec(),
     };
-    let bad_color = bad_pixels(frame.color(), good_radiance);
+    blacken(&mut clean.color, &known.color);
+    let bad_color = bad_pixels(&clean.color, good_radiance);
     summary.repaired_color = repair(clean.color.iter_mut(), &bad_color, counted);
-    for (aov, planes) in frame.aovs().iter().zip(&mut clean.aovs) {
-        let bad = either(bad_pixels(&*planes, good_radiance), &bad_color);
-        let alone = repair(planes.iter_mut(), &bad, counted) - summary.repaired_color;
-        if alone > 0 {
-            let name = &aov.name;
-            summary
-                .notes
-                .push(format!("{name}: {alone} pixels repaired that are no numbers, the colour's are"));
-        }
+    for (aov, known) in clean.aovs.iter_mut().zip(&known.aovs) {
+        blacken(aov, known);
+        let bad = either(bad_pixels(&*aov, good_radiance), &bad_color);
+        summary.repaired_aovs += repair(aov.iter_mut(), &bad, counted) - summary.repaired_color;
     }
     if let Some(halves) = &mut clean.halves {
+        halves.iter_mut().for_each(|half| blacken(half, &known.color));
         let bad = either(bad_pixels(halves.iter().flatten(), good_radiance), &bad_color);
-        repair(halves.iter_mut().flatten(), &bad, counted);
+        summary.repaired_halves = repair(halves.iter_mut().flatten(), &bad, counted) - summary.repaired_color;
     }
     summary.negative_color =
         counted.pixels().filter(|&(x, y)| clean.color.iter().any(|plane| plane.get(x, y) < 0.0)).count();
     if let Some(variance) = &mut clean.variance {
+        blacken(variance, &known.color);
         let bad = bad_pixels(&*variance, good_variance);
         summary.repaired_variance = repair(variance.iter_mut(), &bad, counted);
-        if !variance_is_known {
-            // Black would say that there is no noise.
-            summary.notes.push("variance: left out, it is a number at no pixel".into());
-            clean.variance = None;
-        }
     }
-    for feature in &mut clean.features {
-        // Limited first: what is far to both sides has no mean.
-        feature.planes.iter_mut().for_each(|plane| change(plane, limited_feature));
-        let bad = bad_pixels(&feature.planes, |v| !v.is_nan());
-        summary.repaired_features += repair(feature.planes.iter_mut(), &bad, counted);
-        for plane in feature.halves.iter_mut().flatten().flatten() {
-            change(plane, limited_feature);
-            let bad = bad_pixels([&*plane], |v| !v.is_nan());
-            repair([plane], &bad, counted);
-        }
-        if let Some(variance) = &mut feature.var_of_mean {
-            let limited = |v: f32| v.clamp(f32::MIN, LARGEST_FEATURE * LARGEST_FEATURE);
-            variance.iter_mut().for_each(|plane| change(plane, limited));
-            let bad = bad_pixels(&*variance, |v| v >= 0.0);
-            summary.repaired_variance += repair(variance.iter_mut(), &bad, counted);
-        }
+    for (feature, known) in clean.features.iter_mut().zip(&known.features) {
+        repair_feature(feature, known, counted, summary);
     }
+    summary.notes.extend(left_out(frame, known));
     clean
+}
+
+fn repair_feature(feature: &mut Feature, known: &KnownFeature, counted: Rect, summary: &mut Summary) {
+    let good = |v: f32| good_feature(feature.kind, v);
+    blacken(&mut feature.planes, &known.planes);
+    let bad = bad_pixels(&feature.planes, good);
+    // Limited first: what is far to both sides has no mean.
+    feature.planes.iter_mut().for_each(|plane| change(plane, limited_feature));
+    summary.repaired_features += repair(feature.planes.iter_mut(), &bad, counted);
+    feature.halves = feature.halves.take().filter(|_| known.halves);
+    for half in feature.halves.iter_mut().flatten() {
+        blacken(half, &known.planes);
+        for plane in half {
+            let bad = bad_pixels([&*plane], good);
+            change(plane, limited_feature);
+            summary.repaired_halves += repair([plane], &bad, counted);
+        }
+    }
+    feature.var_of_mean = feature.var_of_mean.take().filter(|_| known.variance);
+    if let Some(variance) = &mut feature.var_of_mean {
+        blacken(variance, &known.planes);
+        let bad = bad_pixels(&*variance, good_feature_variance);
+        variance.iter_mut().for_each(|plane| change(plane, |v| v.min(LARGEST_FEATURE * LARGEST_FEATURE)));
+        summary.repaired_variance += repair(variance.iter_mut(), &bad, counted);
+    }
+}
+
+/// Sets the planes to 0 that are not `known`.
+fn blacken(planes: &mut [Plane], known: &[bool]) {
+    for (plane, _) in planes.iter_mut().zip(known).filter(|(_, known)| !**known) {
+        plane.data_mut().fill(0.0);
+    }
+}
+
+/// What is left out of `frame` because it is a number at no pixel, in words.
+fn left_out(frame: &Frame, known: &Known) -> Vec<String> {
+    const WHY: &str = "is a number at no pixel";
+    let mut notes = vec![];
+    let colors = frame.aovs().iter().map(|aov| aov.name.as_str()).zip(&known.aovs);
+    for (name, known) in std::iter::once(("color", &known.color)).chain(colors) {
+        let channels = ["R", "G", "B"].iter().zip(known).filter(|(_, known)| !**known);
+        notes.extend(
+            channels.map(|(channel, _)| format!("{name}.{channel} {WHY}: it is black in the result")),
+        );
+    }
+    let mut statistic = |what: String, given: bool, known: bool| {
+        if given && !known {
+            notes.push(format!("{what} {WHY} of some channel: it is left out"));
+        }
+    };
+    statistic("variance".into(), frame.color_var_of_mean().is_some(), known.variance);
+    statistic("the half buffers".into(), frame.halves().is_some(), known.halves);
+    for (feature, known) in frame.features().iter().zip(&known.features) {
+        let name = &feature.name;
+        statistic(format!("the variance of {name}"), feature.var_of_mean.is_some(), known.variance);
+        statistic(format!("the half buffers of {name}"), feature.halves.is_some(), known.halves);
+    }
+    notes
 }
 
 fn change(plane: &mut Plane, f: impl Fn(f32) -> f32) {
@@ -176,6 +227,12 @@ fn repair<'a>(planes: impl IntoIterator<Item = &'a mut Plane>, bad: &[bool], cou
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::denoise::Facts;
+
+    fn applied(frame: &Frame, summary: &mut Summary) -> Clean {
+        let all = Rect::whole((frame.width(), frame.height()));
+        apply(frame, &Facts::of(frame).known(), all, summary)
+    }
 
     fn repair_one(plane: &mut Plane, counted: Rect) -> usize {
         let bad = bad_pixels([&*plane], f32::is_finite);
@@ -197,11 +254,13 @@ mod tests {
             .and_then(|frame| frame.with_aov(aov("broken", with(&[0, 1, 2, 3, 4, 5]))))
             .unwrap();
         let mut summary = Summary::default();
-        let clean = apply(&frame, false, Rect::whole((3, 2)), &mut summary);
+        let clean = applied(&frame, &mut summary);
         assert_eq!((clean.color, clean.halves), (picture(), Some([picture(), picture()])));
         assert_eq!(clean.aovs[0], picture());
-        assert!(clean.aovs[1].iter().flat_map(Plane::data).all(|&v| v == 0.0));
-        assert_eq!((summary.repaired_color, summary.notes.len()), (1, 2));
+        assert_eq!((summary.repaired_color, summary.repaired_halves, summary.repaired_aovs), (1, 1, 1));
+        let [red, green, blue] = picture();
+        assert_eq!(clean.aovs[1], [red, Plane::filled(3, 2, 0.0), blue], "{green:?} was no number");
+        assert!(summary.notes[0].starts_with("broken.G is a number at no pixel"), "{:?}", summary.notes);
     }
 
     #[test]
@@ -240,8 +299,8 @@ mod tests {
         variance[1].data_mut().fill(f32::NAN);
         let frame = Frame::new(grey()).and_then(|frame| frame.with_variance_of_mean(variance)).unwrap();
         let mut summary = Summary::default();
-        assert_eq!(apply(&frame, false, Rect::whole((3, 2)), &mut summary).variance, None);
-        assert_eq!((summary.repaired_variance, summary.notes.len()), (6, 1));
+        assert_eq!(applied(&frame, &mut summary).variance, None);
+        assert_eq!((summary.repaired_variance, summary.notes.len()), (0, 1));
     }
 
     #[test]
@@ -250,7 +309,7 @@ mod tests {
         let plane = Plane::from_vec(3, 1, vec![f32::INFINITY, f32::NAN, f32::NEG_INFINITY]).unwrap();
         let depth = Feature::new("depth", crate::FeatureKind::Depth, vec![plane]);
         let frame = Frame::new(grey()).and_then(|frame| frame.with_feature(depth)).unwrap();
-        let clean = apply(&frame, false, Rect::whole((3, 1)), &mut Summary::default());
+        let clean = applied(&frame, &mut Summary::default());
         assert_eq!(clean.features[0].planes[0].data(), &[LARGEST_FEATURE, 0.0, -LARGEST_FEATURE]);
     }
 

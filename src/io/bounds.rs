@@ -5,7 +5,8 @@
 //! likes: Cycles stores a depth of 1e10, LuxCore infinity, Mitsuba 0. What is beyond reason is moved to
 //! the end of the reasonable range: a miss lies just behind the farthest surface. Albedos above 1 (lamps
 //! in Cycles, metals in Mitsuba, up to 56 in a fixture of ours) are no reflectance and are cut to 1.
-//! Zeros are bounded and stay, and NaN is left for the denoiser to repair and count.
+//! Zeros are bounded and stay. NaN, and infinities elsewhere than in depths and
+//! positions, are left for the denoiser to repair and count.
 
 use super::statistics::Statistics;
 use crate::frame::{Feature, FeatureKind};
@@ -73,9 +74,14 @@ fn bound_misses(plane: &mut Plane, variance: Option<&mut Plane>, statistics: &St
 /// The largest variance of anything between 0 and 1.
 const MOST_VARIANCE: f32 = 0.25;
 
+/// Whether a value is one, but no reflectance.
+pub(super) fn is_above_one(value: f32) -> bool {
+    value > 1.0 && value.is_finite()
+}
+
 /// Cuts an albedo to 1.
 fn cut_albedo(plane: &mut Plane, mut variance: Option<&mut Plane>) {
-    for (i, value) in plane.data_mut().iter_mut().enumerate().filter(|(_, value)| **value > 1.0) {
+    for (i, value) in plane.data_mut().iter_mut().enumerate().filter(|(_, value)| is_above_one(**value)) {
         *value = 1.0;
         if let Some(variance) = variance.as_mut().map(|plane| &mut plane.data_mut()[i]) {
             *variance = variance.min(MOST_VARIANCE);
@@ -116,12 +122,12 @@ mod tests {
 
     #[test]
     fn albedos_are_cut_to_one_with_their_variance() {
-        let albedo = Plane::from_vec(3, 1, vec![0.5, 56.0, f32::NAN]).unwrap();
+        let albedo = Plane::from_vec(3, 1, vec![0.5, 56.0, f32::INFINITY]).unwrap();
         let variance = Plane::from_vec(3, 1, vec![7.0, 9.0, 8.0]).unwrap();
         let mut albedo = feature(FeatureKind::Albedo, albedo, variance);
         assert!(bound_feature(&mut albedo).unwrap().starts_with("f: 1 values above 1"));
         let [albedo, variance] = &planes(albedo);
-        assert_eq!(albedo.data()[..2], [0.5, 1.0]);
+        assert_eq!(albedo.data(), [0.5, 1.0, f32::INFINITY]);
         assert_eq!(variance.data(), [7.0, 0.25, 8.0]);
     }
 }

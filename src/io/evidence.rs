@@ -21,25 +21,26 @@ const NEARLY_UNIT: f32 = 0.9;
 const RGB_TO_XYZ: [[f32; 3]; 3] =
     [[0.412_453, 0.357_58, 0.180_423], [0.212_671, 0.715_16, 0.072_169], [0.019_334, 0.119_193, 0.950_227]];
 
-/// What was seen of some planes so far. Whole counts, so that the rows may come in any portions.
+/// What was seen of some planes so far. Whole counts, so that the rows may come in any portions. What is no
+/// number, in the planes or in the colour that they are compared with, tells nothing.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Tally {
-    pixels: usize,
+    /// Pixels that can be compared with the colour.
+    compared: usize,
     /// Pixels that agree with the colour.
     agreeing: usize,
     /// Vectors that are not 0, and of those the long ones.
     hits: usize,
     nearly_unit: usize,
-    /// A vector is longer than 1, or no number.
+    /// A vector is longer than 1.
     too_long: bool,
-    /// For each plane how many values are between 0 and 1, or nearly.
-    in_range: Vec<usize>,
+    /// For each plane how many values are numbers, and how many of those between 0 and 1, or nearly.
+    in_range: Vec<[usize; 2]>,
 }
 
 impl Tally {
     /// Adds rows of `planes` and the same rows of the colour.
     pub(super) fn add(&mut self, evidence: Evidence, planes: &[&Plane], color: &[&Plane]) {
-        self.pixels += planes[0].data().len();
         let comparable = planes.len() == 3 && color.len() == 3;
         match evidence {
             Evidence::EqualsColor if comparable => self.compare(planes, |c, i| color[c].data()[i]),
@@ -49,10 +50,11 @@ impl Tally {
             Evidence::Name | Evidence::EqualsColor | Evidence::EqualsColorInXyz => {}
             Evidence::UnitVectors => self.measure(planes),
             Evidence::UnitRange => {
-                self.in_range.resize(planes.len(), 0);
+                self.in_range.resize(planes.len(), [0; 2]);
                 let inside = |v: &&f32| (-OVERSHOOT..=1.0 + OVERSHOOT).contains(*v);
-                for (count, plane) in self.in_range.iter_mut().zip(planes) {
-                    *count += plane.data().iter().filter(inside).count();
+                for ([numbers, within], plane) in self.in_range.iter_mut().zip(planes) {
+                    *numbers += plane.data().iter().filter(|v| v.is_finite()).count();
+                    *within += plane.data().iter().filter(inside).count();
                 }
             }
         }
@@ -60,31 +62,37 @@ impl Tally {
 
     /// Whether what was added looks as a row of the channel map asks.
     pub(super) fn holds(&self, evidence: Evidence) -> bool {
-        let most = |count: usize, share: f32| count as f32 >= share * self.pixels as f32;
+        let most = |count: usize, of: usize, share: f32| of > 0 && count as f32 >= share * of as f32;
         match evidence {
             Evidence::Name => true,
-            Evidence::EqualsColor | Evidence::EqualsColorInXyz => most(self.agreeing, MOST),
+            Evidence::EqualsColor | Evidence::EqualsColorInXyz => most(self.agreeing, self.compared, MOST),
             Evidence::UnitVectors => {
                 !self.too_long && self.nearly_unit > 0 && 2 * self.nearly_unit >= self.hits
             }
-            Evidence::UnitRange => self.in_range.iter().all(|&count| most(count, MOST_ALBEDOS)),
+            Evidence::UnitRange => {
+                self.in_range.iter().all(|&[numbers, within]| most(within, numbers, MOST_ALBEDOS))
+            }
         }
     }
 
     fn compare(&mut self, planes: &[&Plane], expected: impl Fn(usize, usize) -> f32) {
-        let close = |i: usize| {
-            planes.iter().enumerate().all(|(c, plane)| {
-                let (got, wanted) = (plane.data()[i], expected(c, i));
-                (got - wanted).abs() <= CLOSE * wanted.abs() + SMALL
-            })
-        };
-        self.agreeing += (0..planes[0].data().len()).filter(|&i| close(i)).count();
+        for i in 0..planes[0].data().len() {
+            let pairs = || planes.iter().enumerate().map(|(c, plane)| (plane.data()[i], expected(c, i)));
+            if pairs().all(|(got, wanted)| got.is_finite() && wanted.is_finite()) {
+                let close = |(got, wanted): (f32, f32)| (got - wanted).abs() <= CLOSE * wanted.abs() + SMALL;
+                self.compared += 1;
+                self.agreeing += usize::from(pairs().all(close));
+            }
+        }
     }
 
     fn measure(&mut self, planes: &[&Plane]) {
         for i in 0..planes[0].data().len() {
+            if planes.iter().any(|plane| !plane.data()[i].is_finite()) {
+                continue;
+            }
             let length = planes.iter().map(|plane| plane.data()[i].powi(2)).sum::<f32>().sqrt();
-            self.too_long |= length.is_nan() || length > 1.0 + OVERSHOOT;
+            self.too_long |= length > 1.0 + OVERSHOOT;
             self.hits += usize::from(length > 0.0);
             self.nearly_unit += usize::from(length > NEARLY_UNIT);
         }
@@ -128,6 +136,24 @@ mod tests {
         for (evidence, expected) in all {
             let layers = [&color, &xyz, &normal, &position, &albedo];
             assert_eq!(layers.map(|layer| shows(evidence, layer, &color)), expected, "{evidence:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_tells_nothing() {
+        let broken = |x: usize, y: usize| (x < 3 && y < 4) || (x, y) == (7, 5);
+        let with = |bad: f32| planes(move |c, x, y| if broken(x, y) { bad } else { 0.1 + 0.4 * c as f32 });
+        let normal = |bad: f32| {
+            planes(move |c, x, y| if broken(x, y) { bad } else { f32::from(u8::from(c == x % 3)) })
+        };
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert!(shows(Evidence::EqualsColor, &with(bad), &with(f32::NAN)), "{bad}");
+            assert!(shows(Evidence::UnitRange, &with(bad), &with(bad)), "{bad}");
+            assert!(shows(Evidence::UnitVectors, &normal(bad), &with(bad)), "{bad}");
+        }
+        let nothing = planes(|_, _, _| f32::NAN);
+        for evidence in [Evidence::EqualsColor, Evidence::UnitRange, Evidence::UnitVectors] {
+            assert!(!shows(evidence, &nothing, &nothing), "{evidence:?}");
         }
     }
 

@@ -23,7 +23,7 @@ use super::siblings::{buffers_beside, is_buffer};
 use super::statistics::Statistics;
 use super::sums::{Deviation, Differences};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::Frame;
+use crate::frame::{FeatureKind, Frame};
 use crate::image::{Plane, Rect};
 
 /// Bytes of planes that are looked through at one time.
@@ -85,6 +85,7 @@ impl Source {
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
         note_windows(&documents, &cast.choices, window, &mut remarks);
         note_bounds(&cast.choices, &statistics, &mut remarks);
+        warn_of_broken(&cast.choices, &documents, &statistics, &mut remarks);
         if options.variance_kind.is_none() && has_variance(&cast.choices) {
             let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
@@ -345,6 +346,37 @@ fn note_bounds(choices: &[Choice], statistics: &BTreeMap<Channel, Statistics>, r
         let statistics: Vec<Statistics> = choice.channels.iter().map(|channel| statistics[channel]).collect();
         remarks.notes.extend(bounds::told(&choice.target.feature, kind, &statistics));
     }
+}
+
+/// Names the channels that say nothing. Infinite depths and positions are misses and say something.
+fn warn_of_broken(
+    choices: &[Choice],
+    documents: &[Document],
+    statistics: &BTreeMap<Channel, Statistics>,
+    remarks: &mut Remarks,
+) {
+    let misses = |choice: &Choice| {
+        matches!(choice.target.role, Role::Feature(FeatureKind::Depth | FeatureKind::Position))
+            && matches!(choice.target.statistic, Statistic::Mean | Statistic::HalfA | Statistic::HalfB)
+    };
+    let mut broken = BTreeSet::new();
+    for choice in choices {
+        let says_nothing = |channel: &&Channel| {
+            let statistics = &statistics[channel];
+            statistics.range().is_none() && !(misses(choice) && statistics.misses > 0)
+        };
+        broken.extend(choice.channels.iter().filter(says_nothing));
+    }
+    if broken.is_empty() {
+        return;
+    }
+    let names: Vec<String> =
+        broken.iter().map(|channel| full_names(documents, *channel).swap_remove(0)).collect();
+    remarks.warnings.push(format!(
+        "{}: NaN or infinite at every pixel; a channel of the colour or a component becomes black, all else is \
+         done without",
+        names.join(", ")
+    ));
 }
 
 /// Tells which roles come from a part whose pixels are not the colour's.

@@ -1,6 +1,6 @@
 //! What the numbers of a channel come to, over the whole picture.
 
-use super::bounds::NO_SURFACE;
+use super::bounds::{NO_SURFACE, is_above_one};
 use crate::image::Plane;
 
 /// Of the rows that were added so far. Summed row by row, so that it does not depend on how many are added
@@ -19,8 +19,9 @@ pub(super) struct Statistics {
     pub(super) misses: usize,
     /// Values above 1.
     pub(super) above_one: usize,
+    /// Of the finite values.
     sum: f64,
-    count: usize,
+    finite: usize,
 }
 
 impl Default for Statistics {
@@ -35,7 +36,7 @@ impl Default for Statistics {
             misses: 0,
             above_one: 0,
             sum: 0.0,
-            count: 0,
+            finite: 0,
         }
     }
 }
@@ -55,6 +56,8 @@ impl Statistics {
             for &value in rows.row(y) {
                 if value.is_finite() {
                     (self.least, self.largest) = (self.least.min(value), self.largest.max(value));
+                    self.finite += 1;
+                    sum += f64::from(value);
                 } else {
                     self.non_finite += 1;
                 }
@@ -63,11 +66,9 @@ impl Statistics {
                     self.largest_seen = self.largest_seen.max(value);
                 }
                 self.misses += usize::from(value.abs() >= NO_SURFACE);
-                self.above_one += usize::from(value > 1.0);
-                sum += f64::from(value);
+                self.above_one += usize::from(is_above_one(value));
             }
             self.sum += sum;
-            self.count += rows.width();
         }
     }
 
@@ -81,8 +82,8 @@ impl Statistics {
         (self.least_seen <= self.largest_seen).then_some((self.least_seen, self.largest_seen))
     }
 
-    /// The mean.
+    /// The mean of the finite values.
     pub(super) fn mean(&self) -> f32 {
-        (self.sum / self.count as f64) as f32
+        (self.sum / self.finite as f64) as f32
     }
 }

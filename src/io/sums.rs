@@ -13,7 +13,8 @@ pub(super) const SUM_TOLERANCE: f64 = 2e-3;
 pub struct Deviation {
     /// The largest difference of a channel of a pixel, in the picture's units.
     pub largest: f64,
-    /// The root of the mean squared difference over that of the mean squared picture.
+    /// The root of the mean squared difference over that of the mean squared picture; NaN where nothing
+    /// could be judged.
     pub relative_rms: f64,
     /// Samples that are NaN or infinite in one of the pictures, and so are not judged.
     pub not_finite: usize,
@@ -39,6 +40,7 @@ pub(super) struct Differences {
     largest: f64,
     error: f64,
     energy: f64,
+    judged: usize,
     not_finite: usize,
 }
 
@@ -56,6 +58,7 @@ impl Differences {
                         self.not_finite += 1;
                         continue;
                     }
+                    self.judged += 1;
                     self.largest = self.largest.max(difference);
                     error += difference * difference;
                     energy += value * value;
@@ -68,7 +71,11 @@ impl Differences {
 
     /// What they come to.
     pub(super) fn deviation(&self) -> Deviation {
-        let relative_rms = if self.error == 0.0 { 0.0 } else { (self.error / self.energy).sqrt() };
+        let relative_rms = match (self.judged, self.error) {
+            (0, _) => f64::NAN,
+            (_, 0.0) => 0.0,
+            (_, error) => (error / self.energy).sqrt(),
+        };
         Deviation { largest: self.largest, relative_rms, not_finite: self.not_finite }
     }
 }
@@ -103,5 +110,7 @@ mod tests {
         assert!(exact.is_small() && !lacking.is_small());
         a[1].data_mut()[5] = f32::NAN;
         assert_eq!(Deviation::of(&total, &[&a, &b]).not_finite, 1);
+        let nothing = Deviation::of(&total, &[&grey(f32::NAN)]);
+        assert!(nothing.relative_rms.is_nan() && !nothing.is_small(), "{nothing:?}");
     }
 }

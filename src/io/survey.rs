@@ -227,13 +227,17 @@ impl Survey {
         for (sum, differences) in self.main.sums.iter().zip(differences) {
             let before = differences.deviation();
             let layers: Vec<String> = sum.addends.iter().map(|&i| frame.aovs()[i].name.clone()).collect();
-            if sum.by_itself && !before.is_small() {
+            let (set, names) = (sum.name, layers.join("' + '"));
+            if sum.by_itself && before.relative_rms.is_nan() {
                 self.layout.warnings.push(format!(
-                    "{}: '{}' do not sum to the beauty: the noisy ones already differ from it by {:.2} % (relative \
-                     RMS); something that the beauty shows is in none of them (emission, background, lights \
-                     without a group?) or in several",
-                    sum.name,
-                    layers.join("' + '"),
+                    "{set}: whether '{names}' sum to the beauty cannot be told: at every pixel one of them is no \
+                     number"
+                ));
+            } else if sum.by_itself && !before.is_small() {
+                self.layout.warnings.push(format!(
+                    "{set}: '{names}' do not sum to the beauty: the noisy ones already differ from it by {:.2} % \
+                     (relative RMS); something that the beauty shows is in none of them (emission, background, \
+                     lights without a group?) or in several",
                     100.0 * before.relative_rms
                 ));
             }

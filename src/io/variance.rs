@@ -28,6 +28,9 @@ impl Samples {
     /// comes to over the whole picture: it may hold numbers or, as in Cycles, shares of the number.
     pub(super) fn new(uniform: Option<f32>, layer: Option<(Plane, &Statistics)>) -> Self {
         let Some((mut counts, all)) = layer else { return uniform.map_or(Self::Unknown, Self::Uniform) };
+        // What is no number of samples makes no variance either.
+        let infinite = counts.data_mut().iter_mut().filter(|count| count.is_infinite());
+        infinite.for_each(|count| *count = f32::NAN);
         let most = all.range().map_or(0.0, |(_, most)| most.max(0.0));
         match (most, uniform) {
             (0.0, _) => uniform.map_or(Self::Unknown, Self::Uniform),
@@ -139,5 +142,8 @@ mod tests {
         assert_eq!(samples(None, &shares), Samples::Unknown);
         let counts = Plane::from_vec(2, 1, vec![4.0, 8.0]).unwrap();
         assert_eq!(samples(Some(64.0), &counts), Samples::PerPixel { counts: counts.clone(), mean: 6.0 });
+        let broken = Plane::from_vec(3, 1, vec![f32::NAN, 8.0, f32::INFINITY]).unwrap();
+        assert_eq!(samples(None, &broken).mean(), Some(8.0));
+        assert_eq!(samples(Some(4.0), &Plane::filled(2, 1, f32::NAN)), Samples::Uniform(4.0));
     }
 }

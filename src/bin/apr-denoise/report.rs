@@ -141,13 +141,31 @@ fn skipped(layout: &Layout, options: &Options, summary: &Summary, run: &[Cost]) 
     stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
 }
 
-/// The estimated errors of the pixels so far, summed.
+/// The estimated errors of the pixels so far, as they are and relative.
 #[derive(Debug, Clone, Default)]
 pub struct ErrorSums {
-    pixels: usize,
-    /// As it is, and relative.
-    before: Option<[f64; 2]>,
-    after: [f64; 2],
+    before: [Mean; 2],
+    after: [Mean; 2],
+}
+
+/// A mean of what is finite.
+#[derive(Debug, Clone, Copy, Default)]
+struct Mean {
+    sum: f64,
+    count: usize,
+}
+
+impl Mean {
+    fn add(&mut self, value: f64) {
+        if value.is_finite() {
+            self.sum += value;
+            self.count += 1;
+        }
+    }
+
+    fn value(self) -> Option<f64> {
+        (self.count > 0).then(|| self.sum / self.count as f64)
+    }
 }
 
 impl ErrorSums {
@@ -156,32 +174,25 @@ impl ErrorSums {
         /// The same as in relMSE: keeps black pixels from deciding everything.
         const EPSILON: f64 = 0.01;
         let input = input_error(frame);
-        self.pixels += within.width * within.height;
         for (x, y) in within.pixels() {
             let (out_x, out_y) = (x - within.x, y - within.y);
             let color = denoised.color.iter().map(|plane| f64::from(plane.get(out_x, out_y)));
             let scale = (color.sum::<f64>() / 3.0).powi(2) + EPSILON;
-            let add = |sums: &mut [f64; 2], error: f64| {
-                let terms = [error, error / scale];
-                let finite = sums.iter_mut().zip(terms).filter(|(_, term)| term.is_finite());
-                finite.for_each(|(sum, term)| *sum += term);
+            let add = |means: &mut [Mean; 2], error: f64| {
+                means.iter_mut().zip([error, error / scale]).for_each(|(mean, error)| mean.add(error));
             };
             add(&mut self.after, f64::from(denoised.mse.get(out_x, out_y)));
             if let Some(input) = &input {
-                add(self.before.get_or_insert_default(), input(y * frame.width() + x));
+                add(&mut self.before, input(y * frame.width() + x));
             }
         }
     }
 
     /// The means.
     pub fn mean(&self) -> EstimatedError {
-        let mean = |sum: f64| sum / self.pixels as f64;
-        EstimatedError {
-            mse_before: self.before.map(|[sum, _]| mean(sum)),
-            mse_after: mean(self.after[0]),
-            relative_before: self.before.map(|[_, sum]| mean(sum)),
-            relative_after: mean(self.after[1]),
-        }
+        let [mse_before, relative_before] = self.before.map(Mean::value);
+        let [mse_after, relative_after] = self.after.map(|mean| mean.value().unwrap_or(0.0));
+        EstimatedError { mse_before, mse_after, relative_before, relative_after }
     }
 }
 
