@@ -4,9 +4,10 @@
 //! divides it by k². The pipeline's own [weights](crate::denoise) sum numerator and denominator over the
 //! channels before dividing; here every channel is divided by itself, and then [`Channels`] decides.
 
+use crate::denoise::vectors;
 use crate::denoise::weights::{Guide, exp_negative};
 use crate::image::Plane;
-use pulp::Arch;
+
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -125,7 +126,7 @@ pub fn weigh(distances: &[f32], bandwidth: f32, threshold: f32, weights: &mut [f
 
 /// Weighted means of `planes` over the windows, with the weights of `patches`.
 pub fn filter(patches: &Patches, planes: &[&Plane], bandwidth: f32, threshold: f32) -> Vec<Plane> {
-    let arch = Arch::new();
+    let arch = vectors::widest();
     let bands: Vec<Vec<f32>> = patches
         .bands()
         .into_par_iter()

@@ -17,6 +17,7 @@ pub(crate) mod sanitize;
 mod solver;
 mod temporal;
 pub(crate) mod variance;
+pub(crate) mod vectors;
 mod warp;
 pub(crate) mod weights;
 pub(crate) mod window;

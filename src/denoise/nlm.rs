@@ -3,6 +3,7 @@
 //! For one offset the patch distances of all pixels are a box filter of one difference picture, so a
 //! patch costs a few additions instead of its area.
 
+use super::vectors;
 use super::weights::{self, Guide};
 use crate::image::Plane;
 use rayon::prelude::*;
@@ -19,7 +20,7 @@ pub fn filter(
     bandwidth: f32,
 ) -> Vec<Plane> {
     let (width, height) = planes[0].size();
-    let arch = pulp::Arch::new();
+    let arch = vectors::widest();
     let bands: Vec<Vec<f32>> = (0..height.div_ceil(BAND))
         .into_par_iter()
         .map(|band| {

@@ -5,11 +5,11 @@ use super::condition;
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
+use super::vectors;
 use super::weights::{self, Guide};
 use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
-use pulp::Arch;
 
 mod stability;
 
@@ -73,7 +73,7 @@ pub struct Fitted<'a> {
 /// Buffers of one thread.
 pub struct Solver<'a> {
     problem: &'a Problem<'a>,
-    arch: Arch,
+    arch: pulp::Arch,
     /// Of the window in this frame, then in those beside.
     distances: Vec<f32>,
     /// Which distances the buffer holds: centre, patch radius, demodulated.
@@ -102,7 +102,7 @@ impl<'a> Solver<'a> {
         let radius = problem.options.window_radius;
         Self {
             problem,
-            arch: Arch::new(),
+            arch: vectors::widest(),
             distances: vec![
                 0.0;
                 (1 + problem.beside.len()) * (2 * radius + 1) * weights::distance_stride(radius)

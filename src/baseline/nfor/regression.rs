@@ -9,6 +9,7 @@ use crate::baseline::patches::{Patches, Scratch, weigh};
 use crate::denoise::condition;
 use crate::denoise::fit::Factor;
 use crate::denoise::gram::{self, Columns, Gram};
+use crate::denoise::vectors;
 use crate::denoise::window::Window;
 use crate::image::Plane;
 use pulp::Arch;
@@ -105,7 +106,7 @@ impl<'a> Solver<'a> {
     fn new(problem: &'a Problem<'a>) -> Self {
         Self {
             problem,
-            arch: Arch::new(),
+            arch: vectors::widest(),
             scratch: Scratch::default(),
             volume: vec![],
             distances: vec![],
