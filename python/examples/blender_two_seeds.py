@@ -81,7 +81,7 @@ def main():
     for sum in report["sums"]:
         print(f"{sum['set']}: {' + '.join(sum['layers'])} less the beauty, relative RMS "
               f"{sum['before']['relative_rms']:.1e} before, {sum['after']['relative_rms']:.1e} after")
-    print(f"{output}: {report['layout']['samples_per_pixel'] or SPP} samples per pixel")
+    print(f"{output}: {report['layout']['samples_per_pixel'] or SPP:g} samples per pixel")
 
 
 if __name__ == "__main__":
