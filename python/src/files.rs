@@ -74,7 +74,9 @@ pub fn read_exr<'py>(
     Ok((keywords(py, picture.frame())?, from_json(py, picture.layout())?))
 }
 
-/// Writes a colour and further layers as 32-bit floats.
+/// Writes ``color`` as R,G,B and every layer (1 or 3 channels) under its name, 32-bit floats, ZIP.
+///
+/// The file appears whole or not at all. Raises OSError where it cannot be written.
 #[pyfunction]
 #[pyo3(signature = (path, color, *, layers=None, spp=None, seed=None))]
 pub fn write_exr(

@@ -1,5 +1,5 @@
-//! `apr` for Python: numpy arrays in, numpy arrays out. `apr/__init__.py` is the door, `apr/_apr.pyi` says
-//! what everything is; this module only translates.
+//! `apr` for Python: numpy arrays in, numpy arrays out. `apr/__init__.py` is the door, `apr/_apr.pyi` has
+//! the types; what is written here on functions is Python's `help`. This module only translates.
 
 mod arrays;
 mod errors;
@@ -23,6 +23,27 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add_function(wrap_pyfunction!(files::denoise_exr, m)?)
 }
 
+/// Denoises arrays.
+///
+/// color: height × width × 3, linear radiance of any scale; NaN and infinities are repaired and counted.
+/// variance: of the colour's *mean* (the expected squared error of the stored pixel), height × width × 3.
+/// halves: the means of two independent halves of the samples; their average is ``color``. Without either
+///     the noise is estimated from the picture, which is the weakest of all sources.
+/// albedo, normal, position, depth, visibility: what the pixel sees, height × width (× channels).
+/// features: further ones by name; ``albedo2``, ``normal2``, … are taken for what their name says.
+/// feature_variance, feature_halves: statistics of features, by the features' names.
+/// aovs: components of the beauty, height × width × 3, that go through its operator: what sums to ``color``
+///     sums to the result.
+/// spp: samples per pixel; ``read_exr`` gives it, and it changes no bit of the result.
+/// preset: fast, balanced, best or published; options: any option by name, dots go into depth.
+/// threads: one per core by default; the result does not depend on it.
+///
+/// Returns a dictionary: ``color``, height × width × 3; ``aovs``, by their names; ``mse``, the estimated mean
+///     squared error of ``color`` over its channels, and ``order``, the polynomial order chosen, 0 to 3, both
+///     height × width; ``summary``, counts of repaired pixels, outliers and fits, and notes.
+///
+/// Raises ValueError for shapes that do not fit and options that make no sense, TypeError for what is no
+/// array of real numbers.
 #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
 #[pyfunction]
 #[pyo3(signature = (color, *, variance=None, halves=None, albedo=None, normal=None, position=None, depth=None,

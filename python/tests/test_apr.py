@@ -1,8 +1,10 @@
 """The binding gives the command line's bits, and says what is wrong with an array."""
 
+import inspect
 import json
 import os
 import pathlib
+import re
 import subprocess
 import threading
 
@@ -142,6 +144,12 @@ def test_files_are_written_and_read_back(tmp_path):
 def test_errors_are_pythons_and_say_what_is_wrong(error, words, call):
     with pytest.raises(error, match=words):
         call(picture()[0])
+
+
+def test_help_tells_of_every_keyword():
+    assert all(getattr(apr, name).__doc__ for name in apr.__all__ if name != "__version__")
+    for name in inspect.signature(apr.denoise).parameters:
+        assert re.search(rf"\b{name}\b", apr.denoise.__doc__), name
 
 
 def test_other_threads_run_meanwhile():
