@@ -51,6 +51,22 @@ impl Rect {
         Self { x, y, width: right - x, height: bottom - y }
     }
 
+    /// The blocks of 2×2 pixels that it touches, in a picture of blocks.
+    #[must_use]
+    pub fn blocks(&self) -> Self {
+        let (x, y) = (self.x / 2, self.y / 2);
+        let (right, bottom) = ((self.x + self.width).div_ceil(2), (self.y + self.height).div_ceil(2));
+        Self { x, y, width: right - x, height: bottom - y }
+    }
+
+    /// It and what is left of the blocks of 2×2 pixels that it touches, in a picture of `size`.
+    #[must_use]
+    pub fn in_whole_blocks(&self, size: (usize, usize)) -> Self {
+        let Self { x, y, width, height } = self.blocks();
+        let ends = (2 * (x + width), 2 * (y + height));
+        Self { x: 2 * x, y: 2 * y, width: ends.0.min(size.0) - 2 * x, height: ends.1.min(size.1) - 2 * y }
+    }
+
     /// `by` pixels more on every side, clipped to a picture of `size`.
     #[must_use]
     pub fn grown(&self, by: usize, size: (usize, usize)) -> Self {

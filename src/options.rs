@@ -50,6 +50,8 @@ pub struct Options {
     pub dark_level: f32,
     /// Added to the albedo before a demodulated kernel divides by it.
     pub albedo_floor: f32,
+    /// Denoise the picture at half its resolution too, and take from it what it knows better.
+    pub coarse: bool,
     /// Restore what the residual shows to be more than noise.
     pub restore: bool,
 }
@@ -146,6 +148,7 @@ impl Default for Options {
             taper_power: 0.5,
             dark_level: 0.4,
             albedo_floor: 0.05,
+            coarse: true,
             restore: true,
         }
     }
@@ -163,6 +166,7 @@ impl Options {
             noise_weight: 0.0,
             risk_power: 0.0,
             taper_power: 0.0,
+            coarse: false,
             restore: false,
             outliers: OutlierOptions { deviations: 3.0, ..OutlierOptions::default() },
             ..Self::default()
@@ -177,7 +181,7 @@ impl Options {
         ("published", Self::published),
     ];
 
-    /// One kernel a stage on fewer centres, no cubic: relMSE ×1.01 to ×1.03 in half the time.
+    /// One kernel a stage on fewer centres, no cubic, no coarse picture: relMSE ×1.03 to ×1.04 in half the time.
     pub fn fast() -> Self {
         let kernel = |demodulate| Kernel { patch_radius: 1, bandwidth: 1.0, demodulate };
         Self {
@@ -185,6 +189,7 @@ impl Options {
             max_order: 2,
             stages: vec![vec![kernel(false)], vec![kernel(true)]],
             prefilter: PrefilterOptions { window_radius: 3, ..PrefilterOptions::default() },
+            coarse: false,
             ..Self::default()
         }
     }

@@ -3,7 +3,7 @@
 //! [1 | features | x, y | x², xy, y² | x³, x²y, xy², y³], x and y relative to the centre in units of the
 //! window's radius, features relative to the centre's.
 
-use super::window::Window;
+use super::samples::Samples;
 use crate::image::Plane;
 
 /// Exponents of x and y, order by order.
@@ -36,6 +36,12 @@ impl Basis {
         Self { radius, features, max_order, monomials }
     }
 
+    /// Radius of the windows.
+    #[cfg(test)]
+    pub fn radius(&self) -> usize {
+        self.radius
+    }
+
     /// Number of columns of the model of `order`.
     pub fn columns_up_to(&self, order: usize) -> usize {
         1 + self.features + MONOMIALS_UP_TO[order]
@@ -51,30 +57,30 @@ impl Basis {
         self.max_order
     }
 
-    /// Writes the columns of `window` from `from` on in every `stride` of `out`, the features less `centre`'s
-    /// at the centre; beyond the window's pixels nothing is written.
+    /// Writes the columns of the samples of one frame, each `stride` long; beyond the samples nothing is
+    /// written. From every feature its value at the centre, `centre`, is taken.
     #[inline(always)]
     pub fn fill(
         &self,
-        window: &Window,
+        samples: &Samples,
+        frame: usize,
         features: &[Plane],
-        centre: &[Plane],
-        (from, stride): (usize, usize),
-        out: &mut [f32],
+        centre: impl Fn(usize) -> f32,
+        columns: &mut [f32],
     ) {
-        let side = 2 * self.radius + 1;
-        let (first_x, first_y) = window.offset(self.radius);
-        let mut columns = out.chunks_exact_mut(stride).map(|column| &mut column[from..from + window.stride]);
+        let part = samples.of_frame(frame);
+        let mut columns = columns.chunks_exact_mut(samples.stride()).map(|column| &mut column[part.clone()]);
         if let Some(constant) = columns.next() {
-            constant[..window.pixels()].fill(1.0);
+            constant.fill(1.0);
         }
-        for ((feature, centre), column) in features.iter().zip(centre).zip(&mut columns) {
-            window.gather(feature, centre.get(window.cx, window.cy), column);
+        for ((f, feature), column) in features.iter().enumerate().zip(&mut columns) {
+            samples.gather(feature, part.clone(), centre(f), column);
         }
+        let side = 2 * self.radius + 1;
+        let spots = samples.spots(part.clone());
         for (monomial, column) in self.monomials.chunks_exact(side * side).zip(columns) {
-            for (y, row) in column.chunks_exact_mut(window.width).take(window.height).enumerate() {
-                let from = (first_y + y) * side + first_x;
-                row.copy_from_slice(&monomial[from..from + window.width]);
+            for (value, spot) in column.iter_mut().zip(spots) {
+                *value = monomial[usize::from(spot[1]) * side + usize::from(spot[0])];
             }
         }
     }
@@ -82,6 +88,7 @@ impl Basis {
 
 #[cfg(test)]
 mod tests {
+    use super::super::window::Window;
     use super::*;
 
     #[test]
@@ -90,14 +97,16 @@ mod tests {
         let window = Window::new(1, 3, 2, (6, 4)); // columns 0..4, rows 1..4
         let basis = Basis::new(2, 1, 2);
         assert_eq!((basis.columns(), basis.columns_up_to(0)), (7, 2));
-        let mut out = vec![0.0; basis.columns() * window.stride];
-        let features = std::slice::from_ref(&feature);
-        basis.fill(&window, features, features, (0, window.stride), &mut out);
-        let at = |column: usize, x: usize, y: usize| out[column * window.stride + (y - 1) * 4 + x];
+        let mut samples = Samples::default();
+        samples.add_frame(&window, 2, 6, &[1.0; 12]);
+        let stride = samples.stride();
+        let mut out = vec![0.0; basis.columns() * stride];
+        basis.fill(&samples, 0, std::slice::from_ref(&feature), |_| feature.get(1, 3), &mut out);
+        let at = |column: usize, x: usize, y: usize| out[column * stride + (y - 1) * 4 + x];
         assert_eq!(at(0, 3, 2), 1.0);
         assert_eq!(at(1, 3, 2), feature.get(3, 2) - feature.get(1, 3));
         assert_eq!((at(2, 3, 2), at(3, 3, 2)), (1.0, -0.5));
         assert_eq!((at(4, 3, 2), at(5, 3, 2), at(6, 3, 2)), (1.0, -0.5, 0.25));
-        assert_eq!(out[window.stride - 1], 0.0);
+        assert_eq!(out[stride - 1], 0.0);
     }
 }

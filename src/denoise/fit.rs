@@ -15,11 +15,13 @@ use super::gram::Gram;
 /// so what is kept has at least three digits. `[choice]` at 1e-5 a prototype gave NaN.
 pub const PIVOT_THRESHOLD: f64 = 1e-3;
 
+/// Numbers that an update of a row takes at once.
+const BLOCK: usize = 4;
+
 /// The factorisation of one window's normal equations; buffers are kept between windows.
 #[derive(Debug, Clone, Default)]
 pub struct Factor {
     p: usize,
-    r: usize,
     /// 1/√A_ii, 0 for an empty column.
     scale: Vec<f64>,
     /// L of the equilibrated A, row major; a dropped column has L_ii = 0.
@@ -28,101 +30,112 @@ pub struct Factor {
     z: Vec<f64>,
     /// diag(L⁻¹ B L⁻ᵀ).
     d: Vec<f64>,
-    /// Scratch for L⁻¹ B and for one row of it.
-    c: Vec<f64>,
-    row: Vec<f64>,
+    /// What is left to eliminate: rows of A from the diagonal on with b behind, and of B.
+    system: Rows,
+    noise: Rows,
+}
+
+/// A matrix whose rows are whole blocks long.
+#[derive(Debug, Clone, Default)]
+struct Rows {
+    data: Vec<[f64; BLOCK]>,
+    /// Blocks of a row.
+    width: usize,
+}
+
+impl Rows {
+    fn clear(&mut self, rows: usize, columns: usize) {
+        self.width = columns.div_ceil(BLOCK);
+        self.data.clear();
+        self.data.resize(rows * self.width, [0.0; BLOCK]);
+    }
+
+    fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        self.data[i * self.width..(i + 1) * self.width].as_flattened_mut()
+    }
+
+    /// Row `j`, and the rows behind it.
+    fn split(&mut self, j: usize) -> (&mut [[f64; BLOCK]], &mut [[f64; BLOCK]]) {
+        self.data[j * self.width..].split_at_mut(self.width)
+    }
 }
 
 impl Factor {
     /// Factorises `gram`, which has `p` columns and `r` right-hand sides.
     #[inline(always)]
     pub fn factorise(&mut self, gram: &Gram, p: usize, r: usize) {
-        (self.p, self.r) = (p, r);
+        self.p = p;
+        self.equilibrate(gram, r);
+        for buffer in [&mut self.l, &mut self.z, &mut self.d] {
+            buffer.clear();
+        }
+        self.l.resize(p * p, 0.0);
+        self.z.resize(r * p, 0.0);
+        self.d.resize(p, 0.0);
+        for j in 0..p {
+            self.eliminate(j);
+        }
+    }
+
+    /// Copies A, b and B to where they are eliminated, A to a unit diagonal.
+    #[inline(always)]
+    fn equilibrate(&mut self, gram: &Gram, r: usize) {
+        let p = self.p;
         self.scale.clear();
         self.scale.extend((0..p).map(|i| {
             let energy = f64::from(gram.a[i * p + i]);
             if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 }
         }));
-        self.cholesky(gram);
-        self.project(gram);
-        self.noise_gain(gram);
-    }
-
-    #[inline(always)]
-    fn cholesky(&mut self, gram: &Gram) {
-        let (p, s) = (self.p, &self.scale);
-        self.l.clear();
-        self.l.resize(p * p, 0.0);
-        for i in 0..p {
-            let (above, rest) = self.l.split_at_mut(i * p);
-            let row = &mut rest[..p];
-            for j in 0..i {
-                let lj = &above[j * p..j * p + p];
-                if lj[j] > 0.0 {
-                    let dot: f64 = row[..j].iter().zip(lj).map(|(a, b)| a * b).sum();
-                    row[j] = (f64::from(gram.a[i * p + j]) * s[i] * s[j] - dot) / lj[j];
-                }
+        self.system.clear(p, p + r);
+        self.noise.clear(p, p);
+        for (i, &own) in self.scale.iter().enumerate() {
+            let (system, noise) = (self.system.row_mut(i), self.noise.row_mut(i));
+            for k in i..p {
+                let scale = own * self.scale[k];
+                system[k] = f64::from(gram.a[k * p + i]) * scale;
+                noise[k] = f64::from(gram.b[k * p + i]) * scale;
             }
-            let pivot =
-                f64::from(gram.a[i * p + i]) * s[i] * s[i] - row[..i].iter().map(|l| l * l).sum::<f64>();
-            row[i] = if pivot > PIVOT_THRESHOLD { pivot.sqrt() } else { 0.0 };
-        }
-    }
-
-    /// z = L⁻¹ b.
-    #[inline(always)]
-    fn project(&mut self, gram: &Gram) {
-        let p = self.p;
-        self.z.clear();
-        self.z.resize(self.r * p, 0.0);
-        for (z, b) in self.z.chunks_mut(p).zip(gram.rhs.chunks(p)) {
-            for i in 0..p {
-                let row = &self.l[i * p..i * p + p];
-                if row[i] > 0.0 {
-                    let dot: f64 = row[..i].iter().zip(&*z).map(|(l, z)| l * z).sum();
-                    z[i] = (f64::from(b[i]) * self.scale[i] - dot) / row[i];
-                }
+            for (t, z) in system[p..p + r].iter_mut().enumerate() {
+                *z = f64::from(gram.rhs[t * p + i]) * own;
             }
         }
     }
 
-    /// d = diag(L⁻¹ B L⁻ᵀ): C = L⁻¹ B by rows, then the i-th entry of L⁻¹ applied to row i of C.
+    /// Takes column `j` out of the rows behind it: A by its Cholesky step, b with it, and B by the
+    /// congruence B ← E B Eᵀ whose E is that step. With u = L's column j and v = B_j/L_jj − ½ d_j u
+    /// the latter is B_ik ← B_ik − u_i v_k − v_i u_k, and d_j = B_jj/A_jj.
     #[inline(always)]
-    fn noise_gain(&mut self, gram: &Gram) {
+    fn eliminate(&mut self, j: usize) {
         let p = self.p;
-        self.c.clear();
-        self.c.resize(p * p, 0.0);
-        self.d.clear();
-        self.d.resize(p, 0.0);
-        self.row.resize(p, 0.0);
-        for i in 0..p {
-            let lrow = &self.l[i * p..i * p + p];
-            if lrow[i] == 0.0 {
-                continue;
+        let (width, noise_width) = (self.system.width, self.noise.width);
+        let (u, rows) = self.system.split(j);
+        let (v, noise_rows) = self.noise.split(j);
+        let pivot = u.as_flattened()[j];
+        if pivot.is_nan() || pivot <= PIVOT_THRESHOLD {
+            return;
+        }
+        let inverse = pivot.sqrt().recip();
+        let d = v.as_flattened()[j] / pivot;
+        self.d[j] = d.max(0.0);
+        u.as_flattened_mut()[j..].iter_mut().for_each(|u| *u *= inverse);
+        for (v, u) in v.as_flattened_mut()[j..].iter_mut().zip(&u.as_flattened()[j..]) {
+            *v = *v * inverse - 0.5 * d * u;
+        }
+        for (t, z) in u.as_flattened()[p..].iter().enumerate().take(self.z.len() / p) {
+            self.z[t * p + j] = *z;
+        }
+        self.l[j * p + j] = u.as_flattened()[j];
+        let behind = rows.chunks_exact_mut(width).zip(noise_rows.chunks_exact_mut(noise_width));
+        for (i, (row, noise_row)) in (j + 1..p).zip(behind) {
+            let (ui, vi) = (u.as_flattened()[i], v.as_flattened()[i]);
+            self.l[i * p + j] = ui;
+            let from = i / BLOCK;
+            for (row, u) in row[from..].iter_mut().zip(&u[from..]) {
+                (0..BLOCK).for_each(|k| row[k] -= ui * u[k]);
             }
-            let (above, rest) = self.c.split_at_mut(i * p);
-            let row = &mut rest[..p];
-            for (k, value) in row.iter_mut().enumerate() {
-                let entry = if k <= i { gram.b[i * p + k] } else { gram.b[k * p + i] };
-                *value = f64::from(entry) * self.scale[i] * self.scale[k];
+            for ((row, u), v) in noise_row[from..].iter_mut().zip(&u[from..]).zip(&v[from..]) {
+                (0..BLOCK).for_each(|k| row[k] -= ui * v[k] + vi * u[k]);
             }
-            for m in 0..i {
-                let factor = lrow[m];
-                for (value, upper) in row.iter_mut().zip(&above[m * p..m * p + p]) {
-                    *value -= factor * upper;
-                }
-            }
-            let inverse = lrow[i].recip();
-            row.iter_mut().for_each(|value| *value *= inverse);
-            for k in 0..=i {
-                let lk = &self.l[k * p..k * p + p];
-                self.row[k] = 0.0;
-                if lk[k] > 0.0 {
-                    let dot: f64 = lk[..k].iter().zip(&self.row).map(|(l, e)| l * e).sum();
-                    self.row[k] = (row[k] - dot) / lk[k];
-                }
-            }
-            self.d[i] = self.row[i].max(0.0);
         }
     }
 

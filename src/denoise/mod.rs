@@ -1,6 +1,7 @@
 //! The denoiser: the only place that knows the order of the stages.
 
 mod basis;
+mod coarse;
 pub(crate) mod condition;
 pub(crate) mod exposure;
 pub(crate) mod facts;
@@ -13,7 +14,9 @@ pub(crate) mod prefilter;
 mod reconstruct;
 mod restore;
 mod risk;
+mod samples;
 pub(crate) mod sanitize;
+mod signal;
 mod solver;
 mod temporal;
 pub(crate) mod variance;
@@ -26,14 +29,14 @@ use crate::error::Result;
 use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
-use basis::Basis;
 use facts::Known;
 use outlier::Outlier;
 use reconstruct::Area;
 use sanitize::Clean;
-use solver::{Beside, Demodulation, Problem};
+use signal::{AsOne, Signal};
+use solver::Beside;
+use std::borrow::Cow;
 use temporal::Warped;
-use weights::Guide;
 
 pub use facts::Facts;
 pub use part::{Part, halo};
@@ -51,6 +54,8 @@ pub enum Stage {
     Outliers,
     /// Noisy features are filtered.
     Prefilter,
+    /// All fits of the picture at half its resolution.
+    Coarse,
     /// Fits of stage `n`, counted from 1.
     Fit(usize),
     /// What the fit lost is restored and the outliers' energy is given back.
@@ -150,43 +155,36 @@ fn run(
     };
     let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
     let Ready { clean, variance, smoothed, outliers, taken, design, albedo } = ready;
-    let features: Vec<Plane> = design.into_iter().map(|column| column.plane).collect();
+    let signal = Signal {
+        targets: targets(&clean).map(Cow::Borrowed).collect(),
+        variance,
+        smoothed,
+        features: design.into_iter().map(|column| column.plane).collect(),
+        albedo,
+    };
+    let restored = outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size);
+    let [areas, coarse_areas] = areas(part, restored, options);
 
-    // Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
-    let trusted = variance.each_ref().map(variance::trusted);
-    let guides = Guides::new(&clean.color, &trusted, albedo.as_ref(), options);
-    let basis = Basis::new(options.window_radius, features.len(), options.max_order);
-    let areas =
-        areas(part, outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size), options);
-    let beside: Vec<Beside<'_>> = warped.iter().map(Warped::samples).collect();
-    let mut stage: Option<reconstruct::Stage> = None;
-    for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
-        observer.stage(Stage::Fit(n + 1));
-        let last = n + 1 == options.stages.len();
-        let pilot = stage.as_ref().map(reconstruct::Stage::color);
-        let problem = Problem {
-            // Only the last stage's operator is applied to the AOVs.
-            targets: targets(&clean).take(if last { usize::MAX } else { 3 }).collect(),
-            variance: &smoothed,
-            pilot: pilot.as_ref(),
-            features: &features,
-            guide: &guides.color,
-            albedo: guides.demodulation(albedo.as_ref()),
-            beside: &beside,
-            basis: &basis,
+    let coarse = options.coarse.then(|| {
+        observer.stage(Stage::Coarse);
+        let all = AsOne::new(observer, options.stages.len());
+        signal.halved(options.variance_radius).reconstruct(
+            &[],
+            &coarse_areas,
             options,
-        };
-        let result = reconstruct::run(&problem, kernels, area, &|done| observer.progress(done));
-        summary.centres += result.fits;
-        summary.coverage_centres += result.coverage_fits;
-        summary.orders = result.orders;
-        stage = Some(result);
+            &all,
+            &mut Summary::default(),
+        )
+    });
+    let beside: Vec<Beside<'_>> = warped.iter().map(Warped::samples).collect();
+    let mut result = signal.reconstruct(&beside, &areas, options, observer, &mut summary);
+    if let Some(coarse) = coarse {
+        coarse::merge(&mut result, &coarse, options.dark_level);
     }
-    let mut result = stage.expect("the options' check wants at least one stage");
 
     observer.stage(Stage::Energy);
     if options.restore {
-        restore_lost(&mut result, &clean, &smoothed);
+        restore_lost(&mut result, &clean, &signal.smoothed);
     }
     let beauty = result.color();
     for (t, (plane, taken)) in result.targets.iter_mut().zip(&taken).enumerate() {
@@ -252,18 +250,18 @@ fn prepare(
     Ready { clean, variance, smoothed, outliers, taken, design, albedo }
 }
 
-/// Where each stage works so that what is restored is right on `restored`.
-fn areas(part: &Part, restored: Rect, options: &Options) -> Vec<Area> {
-    let (size, counted, origin) = (part.read.size(), part.within(), part.origin());
+/// Where every stage works so that what is restored is right on `restored`, in the picture and in its blocks.
+fn areas(part: &Part, restored: Rect, options: &Options) -> [Vec<Area>; 2] {
+    let (size, radius, stages) = (part.read.size(), options.window_radius, options.stages.len());
     let mut wanted = if options.restore { restored.grown(restore::REACH, size) } else { restored };
-    let mut areas = Vec::with_capacity(options.stages.len());
-    for _ in &options.stages {
-        let area = Area { origin, wanted, counted };
-        wanted = area.reads(size, options.window_radius);
-        areas.push(area);
+    if options.coarse {
+        wanted = wanted.grown(coarse::REACH, size);
     }
-    areas.reverse();
-    areas
+    let blocks = part.read.blocks();
+    let nowhere = Rect::whole((0, 0));
+    let halved = Area { origin: (blocks.x, blocks.y), wanted: wanted.blocks(), counted: nowhere };
+    let own = Area { origin: part.origin(), wanted, counted: part.within() };
+    [own.of_stages(stages, size, radius), halved.of_stages(stages, blocks.size(), radius)]
 }
 
 /// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
@@ -277,35 +275,6 @@ fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) 
         std::array::from_fn(|c| restore::light_factors(&clean.color[c], &result.targets[c], &variance[c]));
     for (t, plane) in result.targets.iter_mut().enumerate() {
         plane.data_mut().iter_mut().zip(factors[t % 3].data()).for_each(|(value, factor)| *value *= factor);
-    }
-}
-
-/// Guides for the weights: the noisy colour, and colour over albedo where a kernel asks for it.
-struct Guides {
-    color: Guide,
-    irradiance: Option<Guide>,
-}
-
-impl Guides {
-    fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
-        let guide = |color: &Rgb, variance: &Rgb| {
-            Guide::new(color, variance, options.window_radius, options.largest_patch())
-        };
-        let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
-        let irradiance = albedo.filter(|_| wanted).map(|albedo| {
-            let over = |a: &Plane, b: &Plane| {
-                Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
-            };
-            let irradiance: Rgb = std::array::from_fn(|c| over(&color[c], &albedo[c]));
-            let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));
-            guide(&irradiance, &noise)
-        });
-        Self { color: guide(color, variance), irradiance }
-    }
-
-    /// What demodulated kernels read, where some ask for it and there is an albedo.
-    fn demodulation<'a>(&'a self, albedo: Option<&'a Rgb>) -> Option<Demodulation<'a>> {
-        albedo.zip(self.irradiance.as_ref()).map(|(albedo, guide)| Demodulation { albedo, guide })
     }
 }
 

@@ -7,32 +7,46 @@
 //! |---|---|---|
 //! | outliers' energy | 2g | an outlier within g gives, by shares of its window, g around it |
 //! | restored detail and light | 2 + 1 + 4 | three means, one of the other |
+//! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
 //! | weights | p | patches |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
 //! | variance | smoothing + 4 + outliers' radius | estimated over 9×9 pixels at most, outliers replaced |
+//! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
 //! | repair | 16 | from the rim of what is broken |
 //!
-//! The first part of this file is that sum, [`halo`]; a frame that holds so much around its part gives the
+//! The first part of this file is that sum; a frame that holds so much around its part gives the
 //! part's pixels the very bits that they have in the whole picture.
 
-use super::{reconstruct, restore, sanitize, variance};
+use super::{coarse, reconstruct, restore, sanitize, variance};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 use crate::image::Rect;
 use crate::options::Options;
 
-/// How many pixels around a part must be known.
+/// How many pixels around a part must be known at most.
 pub fn halo(options: &Options) -> usize {
+    reach(options) + usize::from(options.coarse)
+}
+
+/// How far around a pixel the stages look.
+fn reach(options: &Options) -> usize {
     let Options { outliers, prefilter, .. } = options;
     let energy = if outliers.enabled { 2 * outliers.energy_radius } else { 0 };
     let restored = if options.restore { restore::REACH } else { 0 };
-    let fits = options.stages.len() * reconstruct::reach(options.window_radius);
-    let patch = options.largest_patch();
+    let fits = options.stages.len() * reconstruct::reach(options.window_radius) + options.largest_patch();
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let witnesses = if outliers.enabled { outliers.radius } else { 0 };
-    let noise = options.variance_radius.max(variance::TRUSTED_RADIUS) + witnesses + variance::REACH;
-    energy + restored + fits + patch + feature.max(noise) + sanitize::REACH
+    let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);
+    let noise = witnesses + variance::REACH;
+    let fine = fits + feature.max(smoothing + noise);
+    let fitted = if options.coarse {
+        // A block's border may lie a pixel beyond.
+        coarse::REACH + fine.max(2 * (fits + smoothing) + 1 + feature.max(noise))
+    } else {
+        fine
+    };
+    energy + restored + fitted + sanitize::REACH
 }
 
 /// A part of a picture that is denoised alone, and what must be read for it.
@@ -52,7 +66,8 @@ impl Part {
 
     /// The part `wanted` of a picture of `size`, which must lie inside it.
     pub fn new(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
-        Self { wanted, read: wanted.grown(halo(options), size) }
+        let read = wanted.grown(reach(options), size);
+        Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } }
     }
 
     /// The column and row of the frame's first pixel.

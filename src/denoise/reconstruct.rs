@@ -35,8 +35,10 @@ const TILE: usize = 32;
 /// Tiles in flight between two gatherings; bounds the memory.
 const GROUP: usize = 256;
 
-/// Noise variance under this share of the radiance's square is not worth a fit.
-const NEGLIGIBLE_NOISE: f32 = 1e-8;
+/// Where noise variance is under this share of the radiance's square, which is noise of one per cent, a pixel
+/// that resembles nothing is not worth a fit of its own. `[choice]` against 1e-8: relMSE ×1.000 (18 scenes at
+/// 16 to 256 spp), up to ×0.7 of the time where a bright sky shows detail.
+const NEGLIGIBLE_NOISE: f32 = 1e-4;
 
 /// The floor of the risk in the average, as a share of the dark level's square.
 const RISK_FLOOR: f32 = 0.01;
@@ -94,8 +96,16 @@ pub const fn reach(window_radius: usize) -> usize {
 }
 
 impl Area {
+    /// The areas of `stages` stages, the last of which is this one, on planes of `size`.
+    pub fn of_stages(self, stages: usize, size: (usize, usize), window_radius: usize) -> Vec<Self> {
+        let before = |area: &Self| Some(Self { wanted: area.reads(size, window_radius), ..*area });
+        let mut areas: Vec<Self> = std::iter::successors(Some(self), before).take(stages).collect();
+        areas.reverse();
+        areas
+    }
+
     /// The pixels that are read, patches aside, of planes of `size`: where the stage before must be right.
-    pub fn reads(&self, size: (usize, usize), window_radius: usize) -> Rect {
+    fn reads(&self, size: (usize, usize), window_radius: usize) -> Rect {
         tested(self.wanted, self.origin, size, window_radius).grown(2 * window_radius, size)
     }
 }
@@ -232,11 +242,10 @@ fn in_tiles(
     }
 }
 
-/// What predictions count for by their distance from the centre along one axis, 0 to `radius`.
-fn taper(radius: usize, power: f32) -> impl Fn(usize, usize) -> f32 {
-    let table: [f32; MAX_WINDOW_RADIUS + 1] =
-        std::array::from_fn(|d| (1.0 - (d as f32 / (radius + 1) as f32).powi(2)).max(0.0).powf(power));
-    move |at, centre| table[at.abs_diff(centre)]
+/// What predictions count for by their place in the window along one axis.
+fn taper(radius: usize, power: f32) -> [f32; 2 * MAX_WINDOW_RADIUS + 1] {
+    let share = |at: usize| at.abs_diff(radius) as f32 / (radius + 1) as f32;
+    std::array::from_fn(|at| (1.0 - share(at).powi(2)).max(0.0).powf(power))
 }
 
 /// Fits every kernel at a centre and adds what it predicts.
@@ -263,23 +272,23 @@ fn center(
         let floor = RISK_FLOOR * options.dark_level * options.dark_level;
         // In the first stage the risk is that of noisy data: it would favour chance.
         let trust = if problem.pilot.is_some() { (xi + floor).powf(-options.risk_power) } else { 1.0 };
-        for (i, &k) in fitted.kernel[..window.pixels()].iter().enumerate().filter(|(_, k)| **k > 0.0) {
-            let within = |t: usize| {
-                let value = fitted.predicted[t * window.stride + i];
-                value.abs() <= LARGEST_PREDICTION && (t >= 3 || value >= least[t])
-            };
+        let own = fitted.samples.of_frame(0);
+        let spots = fitted.samples.spots(own.clone()).iter();
+        for (i, (spot, &k)) in spots.zip(fitted.samples.kernel()).enumerate() {
+            let value = |t: usize| fitted.predicted[t * own.len() + i];
+            let within = |t: usize| value(t).abs() <= LARGEST_PREDICTION && (t >= 3 || value(t) >= least[t]);
             if !(0..problem.targets.len()).all(within) {
                 continue;
             }
-            let (x, y) = (window.x0 + i % window.width, window.y0 + i / window.width);
-            let pixel = sums.pixel(x, y);
-            let a = k * trust * taper(x, cx) * taper(y, cy);
+            let [x, y] = spot.map(usize::from);
+            let a = k * trust * taper[x] * taper[y];
+            let pixel = sums.pixel(cx + x - options.window_radius, cy + y - options.window_radius);
             let (targets, extra) = pixel.split_at_mut(problem.targets.len());
-            for (t, value) in targets.iter_mut().enumerate() {
-                *value += a * fitted.predicted[t * window.stride + i];
+            for (t, sum) in targets.iter_mut().enumerate() {
+                *sum += a * value(t);
             }
-            for (value, term) in extra.iter_mut().zip([a, a * xi, a * order, k]) {
-                *value += term;
+            for (sum, term) in extra.iter_mut().zip([a, a * xi, a * order, k]) {
+                *sum += term;
             }
         }
         if sums.counted.contains(cx, cy) {

@@ -5,11 +5,13 @@ use super::condition;
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
+use super::samples::Samples;
 use super::vectors;
 use super::weights::{self, Guide};
 use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
+use pulp::{Simd, WithSimd};
 
 mod stability;
 
@@ -60,11 +62,11 @@ pub struct Demodulation<'a> {
     pub guide: &'a Guide,
 }
 
-/// What is to be had of a fit; the pixels are the window's, row by row.
+/// What is to be had of a fit.
 pub struct Fitted<'a> {
-    /// K of every pixel.
-    pub kernel: &'a [f32],
-    /// Reconstruction of every target, `stride` long each.
+    /// The pixels that it speaks for are the first frame's.
+    pub samples: &'a Samples,
+    /// Reconstruction of every target at those pixels, target after target.
     pub predicted: &'a [f32],
     /// ξ, order and shrinkage.
     pub choice: &'a Choice,
@@ -78,7 +80,7 @@ pub struct Solver<'a> {
     distances: Vec<f32>,
     /// Which distances the buffer holds: centre, patch radius, demodulated.
     held: Option<(usize, usize, usize, bool)>,
-    kernel: Vec<f32>,
+    samples: Samples,
     weights: Vec<f32>,
     weighted_noise: Vec<f32>,
     noise: Vec<f32>,
@@ -96,6 +98,23 @@ pub struct Solver<'a> {
     predicted: Vec<f32>,
 }
 
+/// A fit to be compiled for every kind of vectors. A closure would not be inlined into them, and ran on the
+/// baseline's.
+struct Run<'s, 'a> {
+    solver: &'s mut Solver<'a>,
+    window: &'s Window,
+    kernel: Kernel,
+}
+
+impl WithSimd for Run<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        self.solver.run(self.window, self.kernel);
+    }
+}
+
 impl<'a> Solver<'a> {
     /// A solver for `problem`.
     pub fn new(problem: &'a Problem<'a>) -> Self {
@@ -108,7 +127,7 @@ impl<'a> Solver<'a> {
                 (1 + problem.beside.len()) * (2 * radius + 1) * weights::distance_stride(radius)
             ],
             held: None,
-            kernel: vec![],
+            samples: Samples::default(),
             weights: vec![],
             weighted_noise: vec![],
             noise: vec![],
@@ -126,12 +145,8 @@ impl<'a> Solver<'a> {
 
     /// Fits the window with one kernel.
     pub fn fit(&mut self, window: &Window, kernel: Kernel) -> Fitted<'_> {
-        let arch = self.arch;
-        arch.dispatch(
-            #[inline(always)]
-            || self.run(window, kernel),
-        );
-        Fitted { kernel: &self.kernel, predicted: &self.predicted, choice: &self.choice }
+        self.arch.dispatch(Run { solver: self, window, kernel });
+        Fitted { samples: &self.samples, predicted: &self.predicted, choice: &self.choice }
     }
 
     #[inline(always)]
@@ -139,12 +154,12 @@ impl<'a> Solver<'a> {
         let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
         let scale = self.prepare(window, kernel, demodulation);
         let arch = self.arch;
-        self.factorise(window, |columns, gram| gram::accumulate(arch, columns, gram));
+        self.factorise(|columns, gram| gram::accumulate(arch, columns, gram));
         let Problem { basis, options, .. } = self.problem;
         let mut choice = std::mem::take(&mut self.choice);
-        risk::choose(&self.evidence(window), basis, options.order_choice, &mut choice);
+        risk::choose(&self.evidence(), basis, options.order_choice, &mut choice);
         self.choice = choice;
-        self.predict(window, scale, demodulation);
+        self.predict(scale, demodulation);
     }
 
     /// All up to the Gram matrices; returns the factor that radiance was scaled by.
@@ -152,16 +167,16 @@ impl<'a> Solver<'a> {
     fn prepare(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) -> f32 {
         self.weigh(window, kernel, demodulation);
         self.gather(window, demodulation);
-        let scale = self.scale_radiance(window);
-        self.trust_samples(window, scale);
-        self.condition(window);
+        let scale = self.scale_radiance();
+        self.trust_samples(scale);
+        self.condition();
         scale
     }
 
     /// The Gram matrices by `accumulate`, and their factorisation.
     #[inline(always)]
-    fn factorise(&mut self, window: &Window, accumulate: impl FnOnce(Columns<'_>, &mut Gram)) {
-        let stride = self.samples(window);
+    fn factorise(&mut self, accumulate: impl FnOnce(Columns<'_>, &mut Gram)) {
+        let stride = self.samples.stride();
         let p = self.problem.basis.columns();
         let r = self.columns.len() / stride - p;
         let columns = Columns {
@@ -174,11 +189,6 @@ impl<'a> Solver<'a> {
         };
         accumulate(columns, &mut self.gram);
         self.factor.factorise(&self.gram, p, r);
-    }
-
-    /// Length of a column: the window of this frame, then those of the frames beside.
-    fn samples(&self, window: &Window) -> usize {
-        (1 + self.problem.beside.len()) * window.stride
     }
 
     /// K_h of every sample.
@@ -201,20 +211,21 @@ impl<'a> Solver<'a> {
             }
             self.held = Some(key);
         }
-        self.kernel.clear();
-        self.kernel.resize(self.samples(window), 0.0);
+        self.samples.clear();
+        let columns = self.problem.targets[0].width();
         let (first_x, first_y) = window.offset(radius);
-        let frames = self.distances.chunks_exact(square).zip(self.kernel.chunks_exact_mut(window.stride));
-        for (f, (distances, kernels)) in frames.enumerate() {
+        self.scratch.resize(2 * window.pixels(), 0.0);
+        let (kernels, trust) = self.scratch.split_at_mut(window.pixels());
+        for (f, distances) in self.distances.chunks_exact(square).enumerate() {
             let rows = distances.chunks_exact(row).skip(first_y);
-            for (distances, out) in rows.zip(kernels.chunks_exact_mut(window.width).take(window.height)) {
+            for (distances, out) in rows.zip(kernels.chunks_exact_mut(window.width)) {
                 weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
             }
             if let Some(beside) = f.checked_sub(1).map(|f| &beside[f]) {
-                self.scratch.resize(window.stride, 0.0);
-                window.gather(beside.trust, 0.0, &mut self.scratch);
-                kernels.iter_mut().zip(&self.scratch).take(window.pixels()).for_each(|(k, t)| *k *= t);
+                window.gather(beside.trust, 0.0, trust);
+                kernels.iter_mut().zip(&*trust).for_each(|(k, t)| *k *= t);
             }
+            self.samples.add_frame(window, radius, columns, kernels);
         }
     }
 
@@ -222,7 +233,7 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn gather(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) {
         let Problem { targets, pilot, variance, features, basis, beside, .. } = self.problem;
-        let (stride, p) = (self.samples(window), basis.columns());
+        let (stride, p) = (self.samples.stride(), basis.columns());
         let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
         self.columns.clear();
         self.columns.resize((p + r) * stride, 0.0);
@@ -247,28 +258,26 @@ impl<'a> Solver<'a> {
         demodulation: Option<Demodulation<'_>>,
     ) {
         let Problem { pilot, basis, features: centre, .. } = self.problem;
-        let (stride, from) = (self.samples(window), frame * window.stride);
+        let (samples, part) = (&self.samples, self.samples.of_frame(frame));
+        let stride = samples.stride();
         let (design, rhs) = self.columns.split_at_mut(basis.columns() * stride);
-        basis.fill(window, features, centre, (from, stride), design);
+        basis.fill(samples, frame, features, |f| centre[f].get(window.cx, window.cy), design);
         let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
-        let part = from..from + window.stride;
         for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
-            window.gather(plane, 0.0, &mut column[part.clone()]);
+            samples.gather(plane, part.clone(), 0.0, &mut column[part.clone()]);
         }
-        self.scratch.resize(2 * window.stride, 0.0);
-        let (buffer, albedo) = self.scratch.split_at_mut(window.stride);
+        self.scratch.resize(2 * part.len(), 0.0);
+        let (buffer, albedo) = self.scratch.split_at_mut(part.len());
         for (c, plane) in variance.iter().enumerate() {
-            window.gather(plane, 0.0, buffer);
+            samples.gather(plane, part.clone(), 0.0, buffer);
             if let Some(demodulation) = demodulation {
-                window.gather(&demodulation.albedo[c], 0.0, albedo);
-                buffer.iter_mut().zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a * a);
+                samples.gather(&demodulation.albedo[c], part.clone(), 0.0, albedo);
+                buffer.iter_mut().zip(&*albedo).for_each(|(v, a)| *v /= a * a);
                 for column in rhs.chunks_exact_mut(stride).skip(c).step_by(3) {
-                    let column = column[part.clone()].iter_mut();
-                    column.zip(&*albedo).take(window.pixels()).for_each(|(v, a)| *v /= a);
+                    column[part.clone()].iter_mut().zip(&*albedo).for_each(|(v, a)| *v /= a);
                 }
             }
-            let noise = self.noise[part.clone()].iter_mut();
-            noise.zip(&*buffer).take(window.pixels()).for_each(|(n, v)| *n += v);
+            self.noise[part.clone()].iter_mut().zip(&*buffer).for_each(|(n, v)| *n += v);
         }
     }
 
@@ -276,9 +285,9 @@ impl<'a> Solver<'a> {
     /// larger, to about 1, so that squares stay inside `f32`; returns the factor. AOVs enter no square:
     /// each of their channels has a factor of its own, so that none bears on the colour.
     #[inline(always)]
-    fn scale_radiance(&mut self, window: &Window) -> f32 {
+    fn scale_radiance(&mut self) -> f32 {
         let aovs = 3..self.problem.targets.len();
-        let stride = self.samples(window);
+        let stride = self.samples.stride();
         let rhs = &mut self.columns[self.problem.basis.columns() * stride..];
         let most = |values: &[f32]| values.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
         let columns = rhs.chunks_exact(stride).enumerate();
@@ -298,13 +307,13 @@ impl<'a> Solver<'a> {
     /// The weight of every sample in the fit: K, less for samples noisier than the window's average,
     /// less for pixels much brighter than the centre, whose absolute errors would drown its own.
     #[inline(always)]
-    fn trust_samples(&mut self, window: &Window, scale: f32) {
+    fn trust_samples(&mut self, scale: f32) {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
-        let stride = self.samples(window);
+        let stride = self.samples.stride();
         self.weights.clear();
-        self.weights.extend_from_slice(&self.kernel);
+        self.weights.extend_from_slice(self.samples.kernel());
         let (mut weight, mut noise) = (0.0f32, 0.0f32);
-        for (k, v) in self.kernel.iter().zip(&self.noise) {
+        for (k, v) in self.samples.kernel().iter().zip(&self.noise) {
             weight += k;
             noise += k * v;
         }
@@ -317,11 +326,10 @@ impl<'a> Solver<'a> {
             let (red, rest) = columns.split_at(stride);
             let (green, blue) = rest.split_at(stride);
             let dark = (options.dark_level * scale).powi(2);
-            let at = (window.cy - window.y0) * window.width + window.cx - window.x0;
             let energy = |i: usize| ((red[i] + green[i] + blue[i]) / 3.0).powi(2) + dark;
-            let centre = 2.0 * energy(at);
+            let own = energy(self.samples.centre());
             for (i, w) in self.weights.iter_mut().enumerate() {
-                *w *= (centre / (energy(at) + energy(i)).max(f32::MIN_POSITIVE)).min(1.0);
+                *w *= (2.0 * own / (own + energy(i)).max(f32::MIN_POSITIVE)).min(1.0);
             }
         }
         self.weighted_noise.clear();
@@ -330,9 +338,9 @@ impl<'a> Solver<'a> {
 
     /// Centres all columns but the constant, and levels the features' (see [`condition`]).
     #[inline(always)]
-    fn condition(&mut self, window: &Window) {
+    fn condition(&mut self) {
         let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
-        let stride = self.samples(window);
+        let stride = self.samples.stride();
         self.means.clear();
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
             let mean = condition::centre(column, &self.weights);
@@ -346,9 +354,9 @@ impl<'a> Solver<'a> {
 
     /// What the risks are made of.
     #[inline(always)]
-    fn evidence(&self, window: &Window) -> Evidence<'_> {
+    fn evidence(&self) -> Evidence<'_> {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
-        let stride = self.samples(window);
+        let stride = self.samples.stride();
         let (reference, channels) = match (pilot.is_some(), options.plain_first_stage) {
             (true, _) => (Reference::Pilot, targets.len()..targets.len() + 3),
             (false, false) => (Reference::Unbiased, 0..3),
@@ -365,19 +373,20 @@ impl<'a> Solver<'a> {
         Evidence { factor: &self.factor, channels, reference, totals }
     }
 
-    /// Evaluates the chosen model at every pixel of this frame and puts ξ and the prediction into the targets' units.
+    /// Evaluates the chosen model at the samples of this frame and puts ξ and the prediction into the targets'
+    /// units.
     #[inline(always)]
-    fn predict(&mut self, window: &Window, scale: f32, demodulation: Option<Demodulation<'_>>) {
-        let (stride, targets) = (window.stride, self.problem.targets.len());
-        let samples = self.samples(window);
+    fn predict(&mut self, scale: f32, demodulation: Option<Demodulation<'_>>) {
+        let targets = self.problem.targets.len();
+        let (stride, own) = (self.samples.stride(), self.samples.of_frame(0));
         self.predicted.clear();
-        self.predicted.resize(targets * stride, 0.0);
-        for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
-            let own = f64::from(self.scales[t]);
-            out.fill((f64::from(self.means[t]) / own) as f32);
+        self.predicted.resize(targets * own.len(), 0.0);
+        for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
+            let unit = f64::from(self.scales[t]);
+            out.fill((f64::from(self.means[t]) / unit) as f32);
             self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
-            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(samples)) {
-                let beta = (*beta / own) as f32;
+            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
+                let beta = (*beta / unit) as f32;
                 if beta != 0.0 {
                     out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
                 }
@@ -385,16 +394,17 @@ impl<'a> Solver<'a> {
         }
         self.choice.xi /= f64::from(scale) * f64::from(scale);
         if let Some(Demodulation { albedo, .. }) = demodulation {
-            let (mut squares, mut weight) = (0.0, 0.0);
-            for (t, out) in self.predicted.chunks_exact_mut(stride).enumerate() {
-                window.gather(&albedo[t % 3], 0.0, &mut self.scratch[..stride]);
-                let albedo = &self.scratch[..window.pixels()];
-                out.iter_mut().zip(albedo).for_each(|(out, a)| *out *= a);
+            let weights = &self.weights[own.clone()];
+            let mut squares = 0.0;
+            self.scratch.resize(own.len(), 0.0);
+            for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
+                self.samples.gather(&albedo[t % 3], own.clone(), 0.0, &mut self.scratch);
+                out.iter_mut().zip(&self.scratch).for_each(|(out, a)| *out *= a);
                 if t < 3 {
-                    squares += albedo.iter().zip(&self.weights).map(|(a, w)| w * a * a).sum::<f32>();
-                    weight += self.weights[..stride].iter().sum::<f32>();
+                    squares += self.scratch.iter().zip(weights).map(|(a, w)| w * a * a).sum::<f32>();
                 }
             }
+            let weight = 3.0 * weights.iter().sum::<f32>();
             self.choice.xi *= f64::from(squares / weight.max(f32::MIN_POSITIVE));
         }
     }

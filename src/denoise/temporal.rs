@@ -3,9 +3,10 @@
 //! A frame beside is repaired and its features are filtered on its own pixels, as if it were denoised
 //! itself; then all its planes are brought to this frame's pixels by [`super::warp`].
 
+use super::signal::Guides;
 use super::solver::Beside as Samples;
 use super::warp::{Flow, Vectors, distrust_light, distrust_surfaces};
-use super::{Design, Guides, Ready, targets};
+use super::{Design, Ready, targets};
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rgb};
 use crate::options::Options;

@@ -87,6 +87,9 @@ fn would_run(picture: &Picture, denoiser: &Denoiser) -> Vec<String> {
         options.stages.len(),
         features.join(", ")
     ));
+    if options.coarse {
+        steps.push("the same of the picture at half its resolution, for what it knows better".to_owned());
+    }
     if components > 0 {
         steps.push(format!("the same operator on {components} components of the beauty"));
     }

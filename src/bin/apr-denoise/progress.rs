@@ -8,11 +8,14 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Steps of the plain lines, in per cent.
 const STEP: u32 = 5;
 
+/// What the fits of the picture at half its resolution take, in stages of the whole one.
+pub const COARSE: f32 = 0.5;
+
 /// Where the progress of all frames is shown. It never goes back.
 pub struct Progress {
     shown: Shown,
-    /// How many stages of fits each frame has.
-    fits: usize,
+    /// How many stages of fits each frame has, in whole ones of the picture at its full resolution.
+    fits: f32,
     state: Mutex<State>,
 }
 
@@ -32,8 +35,9 @@ struct State {
 }
 
 impl Progress {
-    /// For so many frames with so many stages of fits. Nothing is shown when `quiet`.
-    pub fn new(quiet: bool, frames: usize, fits: usize) -> Self {
+    /// For so many frames with so many stages of fits; that of half the resolution counts [`COARSE`]. Nothing
+    /// is shown when `quiet`.
+    pub fn new(quiet: bool, frames: usize, fits: f32) -> Self {
         let shown = match (quiet, std::io::stderr().is_terminal()) {
             (true, _) => Shown::Nowhere,
             (false, true) => {
@@ -132,7 +136,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Where a stage ends, in per cent of the frame: by experience nearly all of it is fitting.
-fn end_of(stage: &str, before: f32, fits: usize) -> f32 {
+fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
     const FITS_BEGIN: f32 = 8.0;
     const FITS_END: f32 = 96.0;
     let end = match stage {
@@ -141,7 +145,8 @@ fn end_of(stage: &str, before: f32, fits: usize) -> f32 {
         "prefilter" => FITS_BEGIN,
         "energy" => 97.0,
         "write" => 100.0,
-        _ => before + (FITS_END - FITS_BEGIN) / fits as f32,
+        "coarse" => before + COARSE * (FITS_END - FITS_BEGIN) / fits,
+        _ => before + (FITS_END - FITS_BEGIN) / fits,
     };
     end.max(before)
 }

@@ -132,12 +132,13 @@ fn skipped(layout: &Layout, options: &Options, summary: &Summary, run: &[Cost]) 
         Stage::Prefilter if !layout.roles.iter().any(noisy) && layout.half.is_none() => {
             Some("no feature has a variance or halves")
         }
+        Stage::Coarse if !options.coarse => Some("switched off by the options"),
         Stage::Energy if summary.outliers == 0 && !options.restore => Some("there are no outliers"),
         _ => None,
     };
     let fits = (1..=options.stages.len()).map(Stage::Fit);
-    let stages =
-        [Stage::Sanitize, Stage::Outliers, Stage::Prefilter].into_iter().chain(fits).chain([Stage::Energy]);
+    let before = [Stage::Sanitize, Stage::Outliers, Stage::Prefilter, Stage::Coarse];
+    let stages = before.into_iter().chain(fits).chain([Stage::Energy]);
     stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
 }
 

@@ -20,7 +20,7 @@ use crate::clock::{Clock, memory};
 use crate::failure::caught;
 use crate::parts::{Input, Output};
 use crate::plan::{Job, Plan};
-use crate::progress::Progress;
+use crate::progress::{self, Progress};
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
@@ -56,7 +56,9 @@ struct Step<'a, T> {
 /// Of the kind of the first frame that failed; those before it are done all the same.
 pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &str) -> Result<bool> {
     let begun = Instant::now();
-    let stages = denoiser.pipeline().map_or(1, |options| options.stages.len());
+    let stages = denoiser.pipeline().map_or(1.0, |options| {
+        options.stages.len() as f32 + if options.coarse { progress::COARSE } else { 0.0 }
+    });
     let run = Run {
         plan,
         arguments,

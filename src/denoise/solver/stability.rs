@@ -132,15 +132,15 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let scale = solver.prepare(&window, KERNEL, None);
     let exact = Exact::new(case, &window, &solver, scale);
     let mut outcome = Outcome {
-        pixels: exact.covered.len(),
+        pixels: exact.pixels.len(),
         columns: (basis.columns(), exact.oracle.rank()),
         condition: exact.oracle.condition(),
         risk_bound: case.risk_bound.unwrap_or(RISK_BOUND),
         ..Outcome::default()
     };
     for (tier, accumulate) in tiers {
-        solver.factorise(&window, accumulate);
-        exact.hold(&mut solver, &window, scale, tier, &mut outcome);
+        solver.factorise(accumulate);
+        exact.hold(&mut solver, scale, tier, &mut outcome);
     }
     outcome
 }
@@ -151,8 +151,8 @@ struct Exact {
     models: Vec<Model>,
     targets: Vec<DVector<f64>>,
     reference: Vec<DVector<f64>>,
-    /// Pixels of the kernel.
-    covered: Vec<usize>,
+    /// The samples' pixels.
+    pixels: Vec<usize>,
 }
 
 impl Exact {
@@ -167,28 +167,31 @@ impl Exact {
             window.gather(plane, 0.0, &mut values);
             vector(&values) * f64::from(scale)
         };
-        let oracle = Oracle::new(design(case, window, basis), vector(&solver.weights), vector(&solver.noise));
+        let pixels: Vec<usize> = {
+            let spots = solver.samples.spots(solver.samples.of_frame(0)).iter();
+            let (left, top) = window.offset(basis.radius());
+            spots.map(|[x, y]| (usize::from(*y) - top) * window.width + usize::from(*x) - left).collect()
+        };
+        let spread = |values: &[f32]| {
+            let mut all = DVector::zeros(window.pixels());
+            pixels.iter().zip(values).for_each(|(&i, &v)| all[i] = f64::from(v));
+            all
+        };
+        let oracle = Oracle::new(design(case, window, basis), spread(&solver.weights), spread(&solver.noise));
         let targets: Vec<_> = case.color.iter().map(plane).collect();
         Self {
             models: (0..=basis.max_order()).map(|order| oracle.model(basis.columns_up_to(order))).collect(),
             reference: pilot.map_or_else(|| targets.clone(), |pilot| pilot.iter().map(plane).collect()),
-            covered: (0..window.pixels()).filter(|&i| solver.kernel[i] > 0.0).collect(),
+            pixels,
             oracle,
             targets,
         }
     }
 
     /// Adds to `outcome` how far the factorised `solver` is from this.
-    fn hold(
-        &self,
-        solver: &mut Solver<'_>,
-        window: &Window,
-        scale: f32,
-        tier: &'static str,
-        outcome: &mut Outcome,
-    ) {
+    fn hold(&self, solver: &mut Solver<'_>, scale: f32, tier: &'static str, outcome: &mut Outcome) {
         let Problem { basis, options, .. } = solver.problem;
-        let evidence = solver.evidence(window);
+        let evidence = solver.evidence();
         let (fast, noise) = (evidence.xi(basis), evidence.totals.noise / evidence.totals.weight / 3.0);
         let kind = evidence.reference;
         let floor = RISK_RESOLUTION * noise;
@@ -211,12 +214,12 @@ impl Exact {
 
             solver.choice.shrink.fill(0.0);
             solver.choice.shrink[..basis.columns_up_to(order)].fill(1.0);
-            solver.predict(window, scale, None);
+            solver.predict(scale, None);
             for (t, target) in self.targets.iter().enumerate() {
                 let exact = model.fitted(target);
-                let largest = self.covered.iter().fold(0.0f64, |largest, &i| largest.max(target[i].abs()));
-                for &i in &self.covered {
-                    let fast = f64::from(solver.predicted[t * window.stride + i]) * f64::from(scale);
+                let largest = self.pixels.iter().fold(0.0f64, |largest, &i| largest.max(target[i].abs()));
+                for (n, &i) in self.pixels.iter().enumerate() {
+                    let fast = f64::from(solver.predicted[t * self.pixels.len() + n]) * f64::from(scale);
                     fitted = larger(fitted, share((fast - exact[i]).abs(), largest));
                 }
             }

@@ -1,0 +1,140 @@
+//! What the fits read, and all their stages over it.
+
+use super::basis::Basis;
+use super::reconstruct::{self, Area};
+use super::solver::{Beside, Demodulation, Problem};
+use super::weights::Guide;
+use super::{Observer, Stage, coarse, variance};
+use crate::frame::Summary;
+use crate::image::{Plane, Rgb};
+use crate::options::Options;
+use std::borrow::Cow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// A noisy picture ready for the fits: repaired, exposed, without outliers.
+pub struct Signal<'a> {
+    /// The colour's channels, then every AOV's.
+    pub targets: Vec<Cow<'a, Plane>>,
+    /// Of the colour's mean.
+    pub variance: Rgb,
+    /// The same, smoothed.
+    pub smoothed: Rgb,
+    /// The features of the design, filtered.
+    pub features: Vec<Plane>,
+    /// The albedo, its floor added.
+    pub albedo: Option<Rgb>,
+}
+
+impl Signal<'_> {
+    /// The same at half the resolution.
+    pub fn halved(&self, variance_radius: usize) -> Signal<'static> {
+        let variance = self.variance.each_ref().map(coarse::halve_variance);
+        Signal {
+            targets: self.targets.iter().map(|plane| Cow::Owned(coarse::halve(plane))).collect(),
+            smoothed: variance.each_ref().map(|plane| variance::smooth(plane, variance_radius)),
+            variance,
+            features: self.features.iter().map(coarse::halve).collect(),
+            albedo: self.albedo.as_ref().map(|albedo| albedo.each_ref().map(coarse::halve)),
+        }
+    }
+
+    /// Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
+    pub fn reconstruct(
+        &self,
+        beside: &[Beside<'_>],
+        areas: &[Area],
+        options: &Options,
+        observer: &dyn Observer,
+        summary: &mut Summary,
+    ) -> reconstruct::Stage {
+        let color: Rgb = std::array::from_fn(|c| self.targets[c].clone().into_owned());
+        let trusted = self.variance.each_ref().map(variance::trusted);
+        let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), options);
+        let basis = Basis::new(options.window_radius, self.features.len(), options.max_order);
+        let mut stage: Option<reconstruct::Stage> = None;
+        for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
+            observer.stage(Stage::Fit(n + 1));
+            let last = n + 1 == options.stages.len();
+            let pilot = stage.as_ref().map(reconstruct::Stage::color);
+            let problem = Problem {
+                // Only the last stage's operator is applied to the AOVs.
+                targets: self
+                    .targets
+                    .iter()
+                    .map(|plane| &**plane)
+                    .take(if last { usize::MAX } else { 3 })
+                    .collect(),
+                variance: &self.smoothed,
+                pilot: pilot.as_ref(),
+                features: &self.features,
+                guide: &guides.color,
+                albedo: guides.demodulation(self.albedo.as_ref()),
+                beside,
+                basis: &basis,
+                options,
+            };
+            let result = reconstruct::run(&problem, kernels, *area, &|done| observer.progress(done));
+            summary.centres += result.fits;
+            summary.coverage_centres += result.coverage_fits;
+            summary.orders = result.orders;
+            stage = Some(result);
+        }
+        stage.expect("the options' check wants at least one stage")
+    }
+}
+
+/// Hears all stages of fits as one.
+pub struct AsOne<'a> {
+    observer: &'a dyn Observer,
+    stages: usize,
+    begun: AtomicUsize,
+}
+
+impl<'a> AsOne<'a> {
+    /// For `stages` stages that `observer` is to hear as its current one.
+    pub fn new(observer: &'a dyn Observer, stages: usize) -> Self {
+        Self { observer, stages, begun: AtomicUsize::new(0) }
+    }
+}
+
+impl Observer for AsOne<'_> {
+    fn stage(&self, _stage: Stage) {
+        self.begun.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn progress(&self, done: f32) {
+        let before = self.begun.load(Ordering::Relaxed).saturating_sub(1);
+        self.observer.progress((before as f32 + done) / self.stages as f32);
+    }
+}
+
+/// Guides for the weights: the noisy colour, and colour over albedo where a kernel asks for it.
+pub struct Guides {
+    /// Of the noisy colour.
+    pub color: Guide,
+    irradiance: Option<Guide>,
+}
+
+impl Guides {
+    /// Guides of a colour and its variance, and of both over the albedo.
+    pub fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
+        let guide = |color: &Rgb, variance: &Rgb| {
+            Guide::new(color, variance, options.window_radius, options.largest_patch())
+        };
+        let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
+        let irradiance = albedo.filter(|_| wanted).map(|albedo| {
+            let over = |a: &Plane, b: &Plane| {
+                Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
+            };
+            let irradiance: Rgb = std::array::from_fn(|c| over(&color[c], &albedo[c]));
+            let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));
+            guide(&irradiance, &noise)
+        });
+        Self { color: guide(color, variance), irradiance }
+    }
+
+    /// What demodulated kernels read, where some ask for it and there is an albedo.
+    pub fn demodulation<'a>(&'a self, albedo: Option<&'a Rgb>) -> Option<Demodulation<'a>> {
+        albedo.zip(self.irradiance.as_ref()).map(|(albedo, guide)| Demodulation { albedo, guide })
+    }
+}
