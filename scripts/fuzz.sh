@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Fuzzes `exr_to_frame` and `denoise`, SECONDS each (default 60): scripts/fuzz.sh [SECONDS [TARGET]]
+# Fuzzes `exr_to_frame` and `denoise` side by side, SECONDS each (default 60): scripts/fuzz.sh [SECONDS [TARGET]]
 #
 # The targets are cargo-fuzz's (`cargo fuzz run TARGET`), built here by cargo alone: the flags below are
 # the coverage that cargo-fuzz asks for, all of them known to a stable compiler. No address sanitizer:
@@ -20,14 +20,28 @@ RUSTFLAGS=$(echo $coverage) cargo build --locked --release --manifest-path fuzz/
 SEEDS=fuzz/corpus/seeds cargo test --locked --quiet --test found -- --ignored write_the_seeds
 
 export RAYON_NUM_THREADS=1 # one thread's coverage is reproducible
-for target in $targets; do
+
+fuzz() {
+    local target=$1
     mkdir -p "fuzz/corpus/$target" "fuzz/artifacts/$target" "tests/found/$target"
-    options=(-max_total_time="$seconds" -artifact_prefix="fuzz/artifacts/$target/" -timeout=20
+    local options=(-max_total_time="$seconds" -artifact_prefix="fuzz/artifacts/$target/" -timeout=20
         -rss_limit_mb=1024 -print_final_stats=1)
     case $target in
         exr_to_frame) options+=(-dict=fuzz/dict/exr.dict -max_len=8192) ;;
         denoise) options+=(-max_len=4096) ;;
     esac
+    # Without the lines that tell of every input that is kept.
     "fuzz/target/$host/release/$target" "${options[@]}" \
-        "fuzz/corpus/$target" "fuzz/corpus/seeds/$target" "tests/found/$target"
+        "fuzz/corpus/$target" "fuzz/corpus/seeds/$target" "tests/found/$target" 2>&1 |
+        sed -n "/^#[0-9]*\s*\(NEW\|REDUCE\|RELOAD\)/!s/^/$target: /p"
+}
+running=()
+for target in $targets; do
+    fuzz "$target" &
+    running+=($!)
 done
+status=0
+for run in "${running[@]}"; do
+    wait "$run" || status=$?
+done
+exit "$status"

@@ -12,6 +12,9 @@
 //! 6. again, with the result as the witness of bias (every stage fits the noisy data);
 //! 7. restore what the residual shows to be lost, give the outliers' energy back.
 //!
+//! The features of this crate are `cli` (the three programs, on by default), `report` (pictures and pages about
+//! results) and `trace` (the path tracer, adaptive rendering); it denoises without any of them.
+//!
 //! # The input contract
 //!
 //! | what | shape | unit and range | missing |
@@ -39,6 +42,7 @@
 //! # Ok::<(), apr::Error>(())
 //! ```
 
+#[cfg(feature = "trace")]
 pub mod adaptive;
 pub mod baseline;
 pub mod denoise;
@@ -48,9 +52,11 @@ pub mod image;
 pub mod io;
 pub mod metrics;
 pub mod options;
+#[cfg(feature = "report")]
 pub mod report;
 pub mod sampling;
 pub mod tone;
+#[cfg(feature = "trace")]
 pub mod trace;
 
 pub use denoise::{Neighbours, denoise, denoise_in_sequence};

@@ -12,7 +12,7 @@
 //! when the announced size is reached.
 
 use exr::meta::BlockDescription;
-use exr::meta::attribute::LevelMode;
+use exr::meta::attribute::{AttributeValue, LevelMode};
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2};
 
@@ -53,7 +53,8 @@ pub(super) fn check(headers: &[Header], file_bytes: u64) -> Result<()> {
     let mut least_bytes = 0u64;
     for header in headers {
         let part = || header.own_attributes.layer_name.as_ref().map_or_else(String::new, ToString::to_string);
-        let checked = supported(header).and_then(|()| plausible(header, file_bytes));
+        let checked =
+            supported(header).and_then(|()| typed(header)).and_then(|()| plausible(header, file_bytes));
         let bytes = checked.map_err(|error| if headers.len() > 1 { error.in_part(part()) } else { error })?;
         least_bytes = least_bytes.saturating_add(bytes);
     }
@@ -110,6 +111,19 @@ fn supported(header: &Header) -> Result<()> {
     if matches!(header.compression, Compression::HTJ2K32 | Compression::HTJ2K256) {
         return Err(unreadable("is compressed with HTJ2K, which is not supported")
             .remedy("write it with ZIP compression"));
+    }
+    Ok(())
+}
+
+/// Refuses attributes whose type has no name. The decoder takes a zero for the first letter of one, and would
+/// write what nobody can read.
+fn typed(header: &Header) -> Result<()> {
+    let attributes = header.own_attributes.other.iter().chain(&header.shared_attributes.other);
+    for (name, value) in attributes {
+        if matches!(value, AttributeValue::Custom { kind, .. } if kind.as_slice().contains(&0)) {
+            return Err(unreadable(format!("is damaged: its attribute '{name}' has no type"))
+                .remedy("write it again"));
+        }
     }
     Ok(())
 }
