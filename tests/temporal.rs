@@ -186,6 +186,41 @@ fn any_split_of_a_sequence_gives_the_same_bits_and_the_report_tells_who_helped()
 }
 
 #[test]
+fn a_run_that_goes_on_does_those_again_that_have_got_neighbours() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let bytes = |name: String| std::fs::read(folder.join(name)).unwrap();
+    let states = || -> Vec<String> {
+        let report: Value = serde_json::from_slice(&bytes("all.json".into())).unwrap();
+        let frames = report["frames"].as_array().unwrap().iter();
+        frames.map(|frame| frame["state"].as_str().unwrap().to_owned()).collect()
+    };
+    let report = ["--sequence-report", "all.json", "--quiet"];
+    let go_on = ["shot.####.exr", "den.####.exr", "--temporal", "1", "--skip-existing"];
+    let go_on = [&go_on[..], &report].concat();
+    shot(folder, 1..=3);
+    run(folder, 0, &go_on);
+    run(folder, 0, &go_on);
+    assert_eq!(states(), ["skipped"; 3]);
+    shot(folder, 4..=5);
+    run(folder, 0, &go_on);
+    assert_eq!(
+        states(),
+        ["skipped", "skipped", "done", "done", "done"],
+        "frame 3 was an end and is none now"
+    );
+    run(folder, 0, &["shot.####.exr", "once.####.exr", "--temporal", "1", "--quiet"]);
+    for frame in 1..=5 {
+        assert!(
+            bytes(format!("den.{frame:04}.exr")) == bytes(format!("once.{frame:04}.exr")),
+            "frame {frame} is not as in one run"
+        );
+    }
+    let complaint = run(folder, 2, &[&go_on[..], &["--set", "outliers.radius=3"]].concat());
+    assert!(complaint.contains("its options.outliers.radius differed"), "{complaint}");
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

@@ -154,6 +154,17 @@ impl Plan {
         there.then_some(beside)
     }
 
+    /// The signature of the result of `job` in a run of `signature`, which looks at `reach` frames on both sides.
+    pub fn signature(&self, signature: &str, job: &Job, reach: u8) -> String {
+        if reach == 0 {
+            return signature.to_owned();
+        }
+        let side = |sign: i32| {
+            (1..=i32::from(reach)).take_while(|offset| self.beside(job, sign * offset).is_some()).count()
+        };
+        signature::of_frame(signature, [side(-1), side(1)])
+    }
+
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
         let mut there = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
@@ -177,7 +188,8 @@ impl Plan {
     }
 
     /// Checks that every result has a place of its own, and sets those apart that are there already
-    /// when `skip_existing`: they must have been made by the settings of `signature`.
+    /// when `skip_existing`: they must have been made by the settings of `signature`. Those beside which
+    /// frames have come or gone since are done again.
     ///
     /// # Errors
     /// `Usage` when results would overwrite each other or an input that is still needed, or were made
@@ -192,7 +204,7 @@ impl Plan {
             .in_file(&job.output));
         }
         if arguments.skip_existing {
-            self.take_out_finished(signature)?;
+            self.take_out_finished(signature, arguments.temporal)?;
         }
         let mut seen = HashSet::new();
         let all = self.jobs.iter().flat_map(Job::targets);
@@ -229,7 +241,7 @@ impl Plan {
         Ok(())
     }
 
-    fn take_out_finished(&mut self, signature: &str) -> Result<()> {
+    fn take_out_finished(&mut self, signature: &str, reach: u8) -> Result<()> {
         let mut to_do = Vec::new();
         let mut by_others: Vec<(Job, String)> = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
@@ -238,13 +250,15 @@ impl Plan {
                 continue;
             }
             let found = io::signature(&job.output).ok().flatten();
+            let wanted = self.signature(signature, &job, reach);
             match found {
-                Some(found) if found == signature => {
+                Some(found) if found == wanted => {
                     let whole = job.report.as_ref().is_none_or(|report| report.exists());
                     if whole { self.finished.push(job) } else { to_do.push(job) }
                 }
+                Some(found) if signature::only_neighbours_differ(&found, &wanted) => to_do.push(job),
                 None if job.output == job.input => to_do.push(job), // not denoised in place yet
-                found => by_others.push((job, signature::difference(found.as_deref(), signature))),
+                found => by_others.push((job, signature::difference(found.as_deref(), &wanted))),
             }
         }
         self.jobs = to_do;

@@ -158,7 +158,7 @@ impl<'a> Run<'a> {
 
     fn read(&self, job: &Job) -> Result<Picture> {
         let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
-        picture.sign(self.signature);
+        picture.sign(self.plan.signature(self.signature, job, self.arguments.temporal));
         Ok(picture)
     }
 

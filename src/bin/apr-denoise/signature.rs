@@ -34,17 +34,42 @@ pub fn of(arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
     Ok(ascii(&one_line))
 }
 
+/// The same of a frame that has so many frames `[before, after]` it beside it, which change the result too.
+pub fn of_frame(signature: &str, [before, after]: [usize; 2]) -> String {
+    let body = signature.strip_suffix('}').expect("a signature is a JSON object");
+    format!("{body},\"{BESIDE}\": [{before}, {after}]}}")
+}
+
+/// The key of the frames beside.
+const BESIDE: &str = "beside";
+
+/// Whether `found` differs from `wanted` by nothing but the frames beside: some have come or gone since.
+pub fn only_neighbours_differ(found: &str, wanted: &str) -> bool {
+    keys_that_differ(found, wanted).is_some_and(|keys| keys == [BESIDE])
+}
+
 /// In words, where `found` differs from `wanted`.
 pub fn difference(found: Option<&str>, wanted: &str) -> String {
     let Some(found) = found else { return "this program did not write it".to_owned() };
-    match (serde_json::from_str(found), serde_json::from_str(wanted)) {
-        (Ok(Value::Object(found)), Ok(Value::Object(wanted))) => {
-            let mut keys = Vec::new();
-            collect("", &found, &wanted, &mut keys);
+    match keys_that_differ(found, wanted) {
+        Some(mut keys) => {
+            keys.retain(|key| key != BESIDE); // it is no setting
             format!("its {} differed", keys.join(", "))
         }
-        _ => "its settings are not legible".to_owned(),
+        None => "its settings are not legible".to_owned(),
     }
+}
+
+/// None where one of both is not legible.
+fn keys_that_differ(found: &str, wanted: &str) -> Option<Vec<String>> {
+    let (Value::Object(found), Value::Object(wanted)) =
+        (serde_json::from_str(found).ok()?, serde_json::from_str(wanted).ok()?)
+    else {
+        return None;
+    };
+    let mut keys = Vec::new();
+    collect("", &found, &wanted, &mut keys);
+    Some(keys)
 }
 
 fn collect(before: &str, found: &Map<String, Value>, wanted: &Map<String, Value>, keys: &mut Vec<String>) {
@@ -79,6 +104,15 @@ mod tests {
         assert_eq!(difference(Some(a), b), "its o.x, o.z differed");
         assert_eq!(difference(None, b), "this program did not write it");
         assert_eq!(difference(Some("?"), b), "its settings are not legible");
+    }
+
+    #[test]
+    fn frames_that_have_come_are_told_from_other_settings() {
+        let run = r#"{"a": 1, "temporal": 2}"#;
+        let (end, amid) = (of_frame(run, [2, 0]), of_frame(run, [2, 2]));
+        assert!(only_neighbours_differ(&end, &amid) && !only_neighbours_differ(&end, &end));
+        assert!(!only_neighbours_differ(&end, &of_frame(r#"{"a": 2, "temporal": 2}"#, [2, 2])));
+        assert!(!only_neighbours_differ("?", &amid));
     }
 
     #[test]
