@@ -7,11 +7,13 @@
 
 #![allow(clippy::print_stdout)] // a benchmark prints
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use apr::trace::{FeatureMode, RenderOptions, Scene, Split, render};
-use serde_json::{Value, json};
+use serde::Deserialize;
+use serde_json::Value;
 
 const SPP: u32 = 16;
 const RUNS: usize = 5;
@@ -45,56 +47,30 @@ fn least(cases: &[(Scene, RenderOptions)]) -> Vec<f64> {
     times
 }
 
-/// The Cornell box with `change` applied.
-fn changed(change: impl Fn(&mut Value)) -> Scene {
+/// Values by their places in a scene, as JSON pointers; `-` at the end appends to a list.
+type Additions = BTreeMap<String, Value>;
+
+/// Changes of the Cornell box; scripts/effect_prices.py counts the instructions of the same.
+#[derive(Deserialize)]
+struct Effect {
+    effect: String,
+    /// Put it into the plan where no path meets it.
+    planned: Additions,
+    /// Let paths meet it.
+    used: Additions,
+}
+
+/// The Cornell box with `additions`.
+fn changed(additions: &Additions) -> Scene {
     let mut scene = document("cornell_box");
-    change(&mut scene);
-    Scene::parse(&scene.to_string(), &folder()).expect("a scene")
-}
-
-fn with(pointer: &'static str, value: Value) -> Box<dyn Fn(&mut Value)> {
-    Box::new(move |scene| {
+    for (pointer, value) in additions {
         let (parent, key) = pointer.rsplit_once('/').expect("a pointer");
-        scene.pointer_mut(parent).expect("a place")[key] = value.clone();
-    })
-}
-
-fn with_shape(shape: Value) -> Box<dyn Fn(&mut Value)> {
-    Box::new(move |scene| scene["shapes"].as_array_mut().expect("shapes").push(shape.clone()))
-}
-
-/// Name of the effect; a change that puts it into the plan where no path meets it; one that uses it.
-type Case = (&'static str, Box<dyn Fn(&mut Value)>, Box<dyn Fn(&mut Value)>);
-
-fn cases() -> Vec<Case> {
-    let checker = json!({"type": "diffuse", "reflectance":
-        {"type": "checker", "color0": [0.885, 0.698, 0.667], "color1": [0.8, 0.7, 0.6], "scale": [8, 8]}});
-    let gold = json!({"type": "conductor", "metal": "gold", "roughness": 0.2});
-    let fog = |low: f64, high: f64| {
-        json!({"extinction": 0.2, "albedo": 0.8,
-        "bounds": {"min": [low, low, low], "max": [high, high, high]}})
-    };
-    let ball = |place: Value| {
-        json!({"type": "sphere", "center": place, "radius": 0.2, "material": "white",
-        "motion": [{"translate": [0.2, 0, 0]}]})
-    };
-    let lamp = |place: Value| json!({"type": "sphere", "center": place, "radius": 0.05, "emission": 20});
-    let camera = |radius: f64| -> Box<dyn Fn(&mut Value)> {
-        Box::new(move |scene| {
-            scene["camera"]["aperture_radius"] = json!(radius);
-            scene["camera"]["focus_distance"] = json!(3.9);
-        })
-    };
-    let sky = |radiance: f64| with("/environment", json!({"type": "constant", "radiance": radiance}));
-    vec![
-        ("textures", with("/materials/unused", checker.clone()), with("/materials/white", checker)),
-        ("glossy", with("/materials/unused", gold.clone()), with("/materials/white", gold)),
-        ("environment", sky(1e-30), sky(1.0)),
-        ("light choice", with_shape(lamp(json!([0, 0, -9]))), with_shape(lamp(json!([0, 0.5, 0])))),
-        ("motion blur", with_shape(ball(json!([0, 0, -9]))), with_shape(ball(json!([0, 0.2, 0.2])))),
-        ("depth of field", camera(1e-6), camera(0.1)),
-        ("medium", with("/medium", fog(8.0, 9.0)), with("/medium", fog(-0.999, 0.999))),
-    ]
+        match scene.pointer_mut(parent).expect("a place") {
+            Value::Array(list) if key == "-" => list.push(value.clone()),
+            place => place[key] = value.clone(),
+        }
+    }
+    Scene::parse(&scene.to_string(), &folder()).expect("a scene")
 }
 
 fn effects() {
@@ -102,12 +78,13 @@ fn effects() {
     let first_hit = RenderOptions { features: FeatureMode::FirstHit, ..plain.clone() };
     let groups = RenderOptions { light_groups: true, ..plain.clone() };
     let second = RenderOptions { second_hit: true, ..first_hit.clone() };
-    let mut renders = vec![(changed(|_| {}), plain.clone())];
-    renders.extend([first_hit, second, groups].map(|options| (changed(|_| {}), options)));
-    let cases = cases();
-    for (_, idle, used) in &cases {
-        renders.push((changed(idle), plain.clone()));
-        renders.push((changed(used), plain.clone()));
+    let nothing = Additions::new();
+    let mut renders = vec![(changed(&nothing), plain.clone())];
+    renders.extend([first_hit, second, groups].map(|options| (changed(&nothing), options)));
+    let effects: Vec<Effect> = serde_json::from_str(include_str!("effects.json")).expect("effects");
+    for effect in &effects {
+        renders.push((changed(&effect.planned), plain.clone()));
+        renders.push((changed(&effect.used), plain.clone()));
     }
     let times = least(&renders);
     let relative = |i: usize| format!("{:5.0} ({:+.0} %)", times[i], 100.0 * (times[i] / times[0] - 1.0));
@@ -116,7 +93,7 @@ fn effects() {
         println!("{name:32} {}", relative(i + 1));
     }
     println!("{:16} {:>16} {:>16}", "effect", "planned, not met", "in use");
-    for (i, (name, ..)) in cases.iter().enumerate() {
+    for (i, Effect { effect: name, .. }) in effects.iter().enumerate() {
         println!("{name:16} {:>16} {:>16}", relative(4 + 2 * i), relative(5 + 2 * i));
     }
 }

@@ -21,55 +21,8 @@ SCENES = ROOT / "fixtures" / "scenes"
 PROGRAM = ROOT / "target" / "release" / "apr-trace"
 
 
-def put(*keys, value):
-    """A change of a scene that sets one entry."""
-    def change(scene):
-        for key in keys[:-1]:
-            scene = scene[key]
-        scene[keys[-1]] = value
-    return change
-
-
-def with_shape(**shape):
-    return lambda scene: scene["shapes"].append(shape)
-
-
-def with_lens(radius):
-    return lambda scene: scene["camera"].update(aperture_radius=radius, focus_distance=3.9)
-
-
-def fog(low, high):
-    box = {"min": [low] * 3, "max": [high] * 3}
-    return put("medium", value={"extinction": 0.2, "albedo": 0.8, "bounds": box})
-
-
-def ball(place):
-    return with_shape(type="sphere", center=place, radius=0.2, material="white", motion=[{"translate": [0.2, 0, 0]}])
-
-
-def lamp(place):
-    return with_shape(type="sphere", center=place, radius=0.05, emission=20)
-
-
-def sky(radiance):
-    return put("environment", value={"type": "constant", "radiance": radiance})
-
-
-CHECKER = {"type": "diffuse", "reflectance": {
-    "type": "checker", "color0": [0.885, 0.698, 0.667], "color1": [0.8, 0.7, 0.6], "scale": [8, 8]}}
-GOLD = {"type": "conductor", "metal": "gold", "roughness": 0.2}
-AWAY = [0, 0, -9]  # behind a wall
-
-# Effect, the change that plans it where no path meets it, the change that uses it.
-EFFECTS = [
-    ("textures", put("materials", "unused", value=CHECKER), put("materials", "white", value=CHECKER)),
-    ("glossy", put("materials", "unused", value=GOLD), put("materials", "white", value=GOLD)),
-    ("environment", sky(1e-30), sky(1.0)),
-    ("light choice", lamp(AWAY), lamp([0, 0.5, 0])),
-    ("motion blur", ball(AWAY), ball([0, 0.2, 0.2])),
-    ("depth of field", with_lens(1e-6), with_lens(0.1)),
-    ("medium", fog(8.0, 9.0), fog(-0.999, 0.999)),
-]
+# Changes of the Cornell box; benches/trace.rs times the same.
+EFFECTS = json.loads((ROOT / "benches" / "effects.json").read_text())
 OUTPUTS = [
     ("features", ["--features", "first-hit"]),
     ("features of the second hit too", ["--features", "first-hit", "--second-hit"]),
@@ -84,11 +37,24 @@ def instructions(path, spp, arguments):
     return int(re.search(r"Collected : (\d+)", said)[1])
 
 
-def price(change, options, arguments=("--features", "none")):
-    """Instructions per path of the Cornell box with `change`."""
+def changed(scene, additions):
+    """Puts each value at its JSON pointer; `-` at the end appends to a list."""
+    for pointer, value in additions.items():
+        *way, last = pointer.split("/")[1:]
+        place = scene
+        for key in way:
+            place = place[key]
+        if last == "-":
+            place.append(value)
+        else:
+            place[last] = value
+
+
+def price(additions, options, arguments=("--features", "none")):
+    """Instructions per path of the Cornell box with `additions`."""
     scene = json.loads((SCENES / "cornell_box.json").read_text())
     scene["camera"]["resolution"] = [options.size, options.size]
-    change(scene)
+    changed(scene, additions)
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "scene.json"
         path.write_text(json.dumps(scene))
@@ -101,14 +67,15 @@ def main():
     parser.add_argument("--spp", type=int, default=8)
     parser.add_argument("--size", type=int, default=48)
     options = parser.parse_args()
-    plain = price(lambda scene: None, options)
+    plain = price({}, options)
     cell = lambda count: f"{count:.0f} ({count / plain - 1:+.1%})"
     print(f"plain diffuse Cornell box: {plain:.0f} instructions per path\n")
     print("| effect | planned, not met | in use |\n|---|---|---|")
-    for name, idle, used in EFFECTS:
-        print(f"| {name} | {cell(price(idle, options))} | {cell(price(used, options))} |", flush=True)
+    for effect in EFFECTS:
+        planned, used = (cell(price(effect[key], options)) for key in ("planned", "used"))
+        print(f"| {effect['effect']} | {planned} | {used} |", flush=True)
     for name, arguments in OUTPUTS:
-        print(f"| {name} | – | {cell(price(lambda scene: None, options, arguments))} |", flush=True)
+        print(f"| {name} | – | {cell(price({}, options, arguments))} |", flush=True)
 
 
 if __name__ == "__main__":
