@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use apr::ErrorKind;
+use apr::io::{Picture, ReadOptions};
 use exr::prelude::Compression;
 use exr_files::*;
 use exr_to_frame::read_and_write;
@@ -150,6 +151,71 @@ fn a_block_that_unpacks_to_more_than_it_announces_is_refused_in_little_memory() 
     assert_eq!(output.status.code(), Some(3), "{said}");
 }
 
+/// Renders of several programs, cut and with bytes changed, through the whole program: an error that names the
+/// file, and no result, or a result that can be read; nothing else is left.
+#[test]
+#[cfg(target_os = "linux")]
+fn fixtures_cut_and_changed_end_in_an_error_or_a_sound_result() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
+    let folder = tempfile::tempdir().unwrap();
+    let [input, output] = ["in.exr", "out.exr"].map(|name| folder.path().join(name));
+    let mut state = 1u32;
+    let mut below = |n: usize| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % n
+    };
+    for name in ["blender/room_ref", "mitsuba/gallery_aov", "trace/fog_shaft", "trace/lens_table"] {
+        let whole = std::fs::read(root.join(name).with_extension("exr")).unwrap();
+        let cuts = [0, 7, 8, whole.len() - 1, below(900), below(whole.len()), below(whole.len())];
+        let mut cases: Vec<(Vec<u8>, bool)> = cuts.map(|kept| (whole[..kept].to_vec(), true)).into();
+        for n in 0..15 {
+            let mut bytes = whole.clone();
+            let reach = [700, 3000, whole.len()][n % 3].min(whole.len());
+            (0..=n % 2).for_each(|_| bytes[below(reach)] = [0, 127, 128, 255, below(256) as u8][below(5)]);
+            cases.push((bytes, false));
+        }
+        for (n, (bytes, must_fail)) in cases.into_iter().enumerate() {
+            std::fs::write(&input, bytes).unwrap();
+            let run = limited_run(512 << 10, &[&input, &output]);
+            let said = String::from_utf8_lossy(&run.stderr).into_owned();
+            match run.status.code() {
+                Some(0) if !must_fail => {
+                    Picture::read(&output, &ReadOptions::default()).unwrap();
+                    std::fs::remove_file(&output).unwrap();
+                }
+                Some(3 | 4) => assert!(said.contains("in.exr") && said.contains(';'), "{said}"),
+                code => panic!("{name}, case {n}: {code:?}: {said}"),
+            }
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{name}, case {n}");
+        }
+    }
+}
+
+/// Thousands of channels, all of zeros: a few hundred kB that unpack to a block of 128 MB, and 60 MB of planes
+/// where the channels are features.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_bomb_of_many_channels_is_refused_in_little_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bomb.exr");
+    let write = |size: (usize, usize), channel: &dyn Fn(usize) -> String, count: usize| {
+        let further = (0..count).map(|i| float(&channel(i), vec![0.0; size.0 * size.1]));
+        let channels = ["R", "G", "B"].map(|name| float(name, vec![0.0; size.0 * size.1])).into_iter();
+        let channels = channels.chain(further).collect();
+        write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::ZIP16), channels));
+    };
+    let refused = |kib: u32, word: &str| {
+        let output = limited_to(kib, &path);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(3), "{said}");
+        assert!(said.contains("bomb.exr") && said.contains(word) && said.contains("more memory"), "{said}");
+    };
+    write((1024, 16), &|i| format!("other{i}.Y"), 2000);
+    refused(256 << 10, "a block");
+    write((256, 64), &|i| format!("depth{i}.Z"), 900);
+    refused(64 << 10, "");
+}
+
 /// Whether the bytes `back` from the end are a table of one block that points behind itself.
 fn starts_block(file: &[u8], back: usize) -> bool {
     let at = file.len() - back;
@@ -161,15 +227,19 @@ fn limited(path: &Path) -> std::process::Output {
     limited_to(512 << 10, path)
 }
 
-/// The program on `path` with no more than so many KiB of address space.
+/// The program with no more than so many KiB of address space, and windows that cost little.
+#[cfg(target_os = "linux")]
+fn limited_run(kib: u32, arguments: &[&Path]) -> std::process::Output {
+    let script = "ulimit -v \"$1\"; shift; exec \"$0\" \"$@\"";
+    let cheap = ["--threads", "1", "--set", "window_radius=2", "--set", "center_spacing=4"];
+    let program = env!("CARGO_BIN_EXE_apr-denoise");
+    let mut command = std::process::Command::new("sh");
+    command.args(["-c", script, program, &kib.to_string()]).args(cheap).args(arguments);
+    command.output().unwrap()
+}
+
+/// The program looking at `path` with no more than so many KiB of address space.
 #[cfg(target_os = "linux")]
 fn limited_to(kib: u32, path: &Path) -> std::process::Output {
-    let script = "ulimit -v \"$2\"; exec \"$0\" --threads 1 --inspect \"$1\"";
-    let program = env!("CARGO_BIN_EXE_apr-denoise");
-    std::process::Command::new("sh")
-        .args(["-c", script, program])
-        .arg(path)
-        .arg(kib.to_string())
-        .output()
-        .unwrap()
+    limited_run(kib, &[Path::new("--inspect"), path])
 }

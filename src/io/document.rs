@@ -22,6 +22,9 @@ use crate::error::{Error, ErrorKind, Result};
 /// Bytes of decoded blocks that are in flight at one time: enough to keep the threads busy.
 const BATCH_BYTES: usize = 64 << 20;
 
+/// How often the decoder holds a block while it decodes it: as it comes out of the codec, and sorted.
+const DECODING: u64 = 3;
+
 /// An EXR file whose headers have been read and checked.
 #[derive(Debug)]
 pub(super) struct Document {
@@ -98,6 +101,10 @@ impl Document {
         let wanted =
             |index: &usize| window.is_none_or(|window| overlap(block_bounds(header, *index), window));
         let indices = (0..self.offsets[part].len()).filter(wanted).collect();
+        if block_bytes > BATCH_BYTES {
+            let taken = (block_bytes as u64).saturating_mul(DECODING);
+            limits::check_memory(taken, "a block").map_err(|error| self.place(part, error))?;
+        }
         self.for_each_batch(part, indices, (BATCH_BYTES / block_bytes).max(1), |chunks| {
             let decompress = |(index, chunk)| Ok((index, self.decompress(chunk)?));
             let blocks: Result<Vec<_>> = chunks.into_par_iter().map(decompress).collect();

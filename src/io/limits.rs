@@ -9,7 +9,8 @@
 //!
 //! Channels without a role are never held, and no plane is made before a first block was decoded. What a
 //! codec may make of the file is limited too: a block that decodes to more than it announces is an error
-//! when the announced size is reached.
+//! when the announced size is reached. Before planes are made, or a block of more than those 64 MiB is decoded,
+//! the system is asked whether it has so much to give, so that a bomb within these limits is an error too.
 
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, LevelMode};
@@ -75,13 +76,28 @@ pub(super) fn check(headers: &[Header], file_bytes: u64) -> Result<()> {
 pub(super) fn check_planes(planes: usize, (width, height): (usize, usize)) -> Result<()> {
     let bytes = [planes, width, height].iter().fold(4u64, |bytes, &n| bytes.saturating_mul(n as u64));
     if bytes <= MAX_PLANE_BYTES {
-        return Ok(());
+        return check_memory(bytes, "its planes");
     }
     Err(unreadable(format!(
         "has {planes} channels of {width}×{height} pixels that play a role, {bytes} bytes where \
          {MAX_PLANE_BYTES} are the limit"
     ))
     .remedy("split the picture, or write fewer layers"))
+}
+
+/// Asks the system for as many bytes as the next step takes, and gives them back.
+///
+/// # Errors
+/// `Unreadable`, with the remedy, where it has not so many: below a limit of the process, or at all.
+pub(super) fn check_memory(bytes: u64, what: &str) -> Result<()> {
+    let mut probe = Vec::<u8>::new();
+    let given = usize::try_from(bytes).is_ok_and(|bytes| probe.try_reserve_exact(bytes).is_ok());
+    std::hint::black_box(&mut probe); // what nobody looks at would not be asked for
+    if given {
+        return Ok(());
+    }
+    Err(unreadable(format!("takes {bytes} bytes for {what}, more than this process can have"))
+        .remedy("give it more memory, or check whether the file is damaged"))
 }
 
 fn unreadable(what: impl Into<String>) -> Error {
@@ -210,7 +226,8 @@ mod tests {
         let part = || header(1000, 1000, Compression::Uncompressed);
         assert!(check(&[part()], 7_000_000).is_ok());
         assert!(check(&[part(), part()], 7_000_000).unwrap_err().to_string().contains("2 parts"));
-        assert!(check_planes(129, (7680, 4320)).is_ok());
+        assert!(check_planes(17, (1920, 1080)).is_ok());
+        assert!(check_memory(1 << 60, "a test").unwrap_err().to_string().contains("more memory"));
         assert!(check_planes(17, (1 << 14, 1 << 14)).unwrap_err().to_string().contains("17 channels"));
         let mut many = header(64, 64, Compression::RLE);
         let names = (0..=MAX_CHANNELS)
