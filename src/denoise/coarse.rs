@@ -16,6 +16,7 @@
 use super::reconstruct::Stage;
 use super::variance::smooth;
 use crate::image::{Plane, Rgb, mean_of_channels};
+use crate::options::Options;
 
 /// How far around a pixel a merge looks in the fine result: two means of 3×3 blocks and the bilinear
 /// neighbour, in pixels, and to the block's border.
@@ -23,6 +24,15 @@ pub const REACH: usize = 2 * 3 + 1;
 
 /// Radius in blocks of the means that the shares are made of.
 const RADIUS: usize = 1;
+
+/// The share of the coverage that a block needs of what a pixel does. `[choice]` against 1: relMSE ×1.000 (18
+/// scenes at 16 to 256 spp) in 0.85 of the time.
+const COVERAGE: f32 = 0.25;
+
+/// The options of the fits at half the resolution.
+pub fn options(options: &Options) -> Options {
+    Options { min_coverage: COVERAGE * options.min_coverage, ..options.clone() }
+}
 
 /// Means of 2×2 pixels; an odd last column or row counts twice.
 pub fn halve(plane: &Plane) -> Plane {

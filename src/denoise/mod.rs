@@ -168,6 +168,7 @@ fn run(
     let coarse = options.coarse.then(|| {
         observer.stage(Stage::Coarse);
         let all = AsOne::new(observer, options.stages.len());
+        let options = &coarse::options(options);
         signal.halved(options.variance_radius).reconstruct(
             &[],
             &coarse_areas,
