@@ -7,7 +7,6 @@
 use crate::denoise::vectors;
 use crate::denoise::weights::{Guide, exp_negative};
 use crate::image::Plane;
-
 use rayon::prelude::*;
 use std::ops::Range;
 

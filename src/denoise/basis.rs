@@ -36,12 +36,6 @@ impl Basis {
         Self { radius, features, max_order, monomials }
     }
 
-    /// Radius of the windows.
-    #[cfg(test)]
-    pub fn radius(&self) -> usize {
-        self.radius
-    }
-
     /// Number of columns of the model of `order`.
     pub fn columns_up_to(&self, order: usize) -> usize {
         1 + self.features + MONOMIALS_UP_TO[order]

@@ -188,11 +188,12 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dy
     let (done, all) = (AtomicUsize::new(0), grid_tiles.len() + tested.len());
     let tick = || progress(done.fetch_add(1, Ordering::Relaxed) as f32 / all as f32);
 
+    let taper = taper(radius, problem.options.taper_power);
     let on_grid = |i: usize| i % spacing == spacing / 2;
     in_tiles(problem, &mut sums, &grid_tiles, |solver, local, tile| {
         for y in (tile.y..tile.y + tile.height).filter(|y| on_grid(y + area.origin.1)) {
             for x in (tile.x..tile.x + tile.width).filter(|x| on_grid(x + area.origin.0)) {
-                center(problem, solver, local, (x, y), kernels);
+                center(problem, solver, local, (x, y), kernels, &taper);
             }
         }
         tick();
@@ -207,7 +208,7 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dy
             for x in tile.x..tile.x + tile.width {
                 let coverage = grid.get(x, y) + local.coverage(x, y);
                 if coverage < problem.options.min_coverage && worth_a_fit(problem, x, y) {
-                    center(problem, solver, local, (x, y), &widest);
+                    center(problem, solver, local, (x, y), &widest, &taper);
                 }
             }
         }
@@ -242,8 +243,11 @@ fn in_tiles(
     }
 }
 
-/// What predictions count for by their place in the window along one axis.
-fn taper(radius: usize, power: f32) -> [f32; 2 * MAX_WINDOW_RADIUS + 1] {
+/// What predictions count for by their place in an unclipped window along one axis.
+type Taper = [f32; 2 * MAX_WINDOW_RADIUS + 1];
+
+/// The taper of windows of `radius`.
+fn taper(radius: usize, power: f32) -> Taper {
     let share = |at: usize| at.abs_diff(radius) as f32 / (radius + 1) as f32;
     std::array::from_fn(|at| (1.0 - share(at).powi(2)).max(0.0).powf(power))
 }
@@ -255,6 +259,7 @@ fn center(
     sums: &mut Sums,
     (cx, cy): (usize, usize),
     kernels: &[Kernel],
+    taper: &Taper,
 ) {
     let options = problem.options;
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
@@ -265,7 +270,6 @@ fn center(
         let values = rows.flat_map(|y| &problem.targets[c].row(y)[window.x0..window.x0 + window.width]);
         values.fold(0.0f32, |least, v| least.min(*v)) - SWING * options.dark_level
     });
-    let taper = taper(options.window_radius, options.taper_power);
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
         let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);

@@ -158,7 +158,7 @@ struct Exact {
 impl Exact {
     /// The models of all orders for what `solver` has prepared.
     fn new(case: &Case, window: &Window, solver: &Solver<'_>, scale: f32) -> Self {
-        let Problem { basis, pilot, .. } = solver.problem;
+        let Problem { basis, pilot, options, .. } = solver.problem;
         let vector = |values: &[f32]| {
             DVector::from_iterator(window.pixels(), values[..window.pixels()].iter().map(|&v| f64::from(v)))
         };
@@ -169,7 +169,7 @@ impl Exact {
         };
         let pixels: Vec<usize> = {
             let spots = solver.samples.spots(solver.samples.of_frame(0)).iter();
-            let (left, top) = window.offset(basis.radius());
+            let (left, top) = window.offset(options.window_radius);
             spots.map(|[x, y]| (usize::from(*y) - top) * window.width + usize::from(*x) - left).collect()
         };
         let spread = |values: &[f32]| {
