@@ -62,7 +62,7 @@ fn one_of<T: Copy>(what: &str, names: &[(&str, T)], wanted: &str) -> PyResult<T>
     })
 }
 
-/// `read_exr` without Python's defaults, which `apr/__init__.py` has.
+/// `read_exr` without Python's defaults, which `package/apr/__init__.py` has.
 #[pyfunction]
 pub fn read_exr<'py>(
     py: Python<'py>,

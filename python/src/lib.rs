@@ -1,5 +1,5 @@
-//! `apr` for Python: numpy arrays in, numpy arrays out. `apr/__init__.py` is the door, `apr/_apr.pyi` has
-//! the types; what is written here on functions is Python's `help`. This module only translates.
+//! `apr` for Python: numpy arrays in, numpy arrays out. `package/apr/__init__.py` is the door, `_apr.pyi` beside
+//! it has the types; what is written here on functions is Python's `help`. This module only translates.
 
 mod arrays;
 mod errors;
