@@ -5,8 +5,8 @@
 
 Counts the instructions of apr-trace under callgrind (Debian: valgrind) on the plain diffuse Cornell box
 and on the same box with one effect added: first put into the plan where no path meets it (what leaving it
-out of the plan saves), then in use. Loading and writing are taken off by a run with one sample. Needs
-target/release/apr-trace.
+out of the plan saves), then in use. Loading and writing are taken off by a run of two samples per pixel, the
+fewest that have all layers. Needs target/release/apr-trace.
 """
 
 import argparse
@@ -23,6 +23,7 @@ PROGRAM = ROOT / "target" / "release" / "apr-trace"
 
 # Changes of the Cornell box; benches/trace.rs times the same.
 EFFECTS = json.loads((ROOT / "benches" / "effects.json").read_text())
+FEWEST = 2  # samples per pixel that have variances and halves: as much is written as of many
 OUTPUTS = [
     ("features", ["--features", "first-hit"]),
     ("features of the second hit too", ["--features", "first-hit", "--second-hit"]),
@@ -58,8 +59,8 @@ def price(additions, options, arguments=("--features", "none")):
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "scene.json"
         path.write_text(json.dumps(scene))
-        many, one = (instructions(path, spp, arguments) for spp in (options.spp + 1, 1))
-    return (many - one) / (options.size ** 2 * options.spp)
+        many, few = (instructions(path, spp, arguments) for spp in (options.spp + FEWEST, FEWEST))
+    return (many - few) / (options.size ** 2 * options.spp)
 
 
 def main():

@@ -31,6 +31,7 @@ except ImportError:
     environments.run("mitsuba", "mitsuba_speed.py", *sys.argv[1:])
     sys.exit(0)
 
+FEWEST = 2  # samples per pixel that have variances and halves: as much is written as of many
 PROGRAM = ROOT / "target" / "release" / "apr-trace"
 
 
@@ -46,12 +47,12 @@ def timed(work, who):
 
 
 def own(path, spp, features):
-    """Seconds for `spp` samples, less those for 1, which take the start, the loading and the writing."""
+    """Seconds for `spp` samples, less those of the fewest that have all layers: start, loading and writing."""
     def run(count):
         command = [PROGRAM, path, path.with_suffix(".exr"), "--quiet", "--features", features, "--spp", str(count)]
         return timed(lambda: subprocess.run(command, check=True), resource.RUSAGE_CHILDREN)
 
-    long, short = run(spp + 1), run(1)
+    long, short = run(spp + FEWEST), run(FEWEST)
     return [a - b for a, b in zip(long, short)]
 
 
