@@ -2,6 +2,7 @@
 
 mod exr_files;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use apr::error::ErrorKind;
@@ -143,6 +144,12 @@ fn the_tracers_light_groups_are_found_by_their_numbers_and_sum_to_rounding() {
     assert_eq!(Some(written.layout().sums[0].before), check.after);
     let unasked = Picture::read(&path, &ReadOptions::default()).unwrap();
     assert!(unasked.frame().aovs().is_empty());
+    // A library that denoises what it has rendered sees what a file tells.
+    let told = |frame: &Frame| {
+        let features = frame.features().iter();
+        features.map(|f| (f.name.clone(), (f.kind, f.planes.clone()))).collect::<BTreeMap<_, _>>()
+    };
+    assert!(told(unasked.frame()) == told(&rendered), "of the second hit too");
 }
 
 /// A file of a beauty and components in parts of their own, `rest` beside them with another window.

@@ -202,17 +202,11 @@ impl Film {
                 .with_variance_of_mean(self.rgb(&self.color, variance_of_mean))?
                 .with_halves([self.rgb(&self.color, first_half), self.rgb(&self.color, second_half)])?;
         }
-        for (name, kind, at) in FIRST_LAYERS.iter().filter(|_| !self.features.is_empty()) {
-            frame = frame.with_feature(self.feature(name, *kind, &self.features, at.clone(), several))?;
+        for layer in FIRST_LAYERS.iter().filter(|_| !self.features.is_empty()) {
+            frame = frame.with_feature(self.feature(layer, &self.features, several))?;
         }
-        for (name, at) in SECOND_LAYERS.iter().filter(|_| !self.second.is_empty()) {
-            frame = frame.with_feature(self.feature(
-                name,
-                FeatureKind::Other,
-                &self.second,
-                at.clone(),
-                several,
-            ))?;
+        for layer in SECOND_LAYERS.iter().filter(|_| !self.second.is_empty()) {
+            frame = frame.with_feature(self.feature(layer, &self.second, several))?;
         }
         for (group, name) in self.group_names.iter().enumerate() {
             frame = frame.with_aov(Aov { name: name.clone(), color: self.group(group) })?;
@@ -255,15 +249,13 @@ impl Film {
 
     fn feature<const N: usize>(
         &self,
-        name: &str,
-        kind: FeatureKind,
+        (name, kind, at): &Layer,
         moments: &[Moments<N>],
-        at: std::ops::Range<usize>,
         several: bool,
     ) -> Feature {
         let planes =
             |value: Statistic<N>| at.clone().map(|i| self.plane(moments, i, value)).collect::<Vec<_>>();
-        let mut feature = Feature::new(name, kind, planes(mean));
+        let mut feature = Feature::new(*name, *kind, planes(mean));
         if several {
             feature.var_of_mean = Some(planes(variance_of_mean));
             feature.halves = Some([planes(first_half), planes(second_half)]);
@@ -283,7 +275,10 @@ impl Film {
     }
 }
 
-const FIRST_LAYERS: [(&str, FeatureKind, std::ops::Range<usize>); 5] = [
+/// A feature's name and kind, and which of a pixel's numbers are its own.
+type Layer = (&'static str, FeatureKind, std::ops::Range<usize>);
+
+const FIRST_LAYERS: [Layer; 5] = [
     ("albedo", FeatureKind::Albedo, 0..3),
     ("normal", FeatureKind::Normal, 3..6),
     ("position", FeatureKind::Position, 6..9),
@@ -291,8 +286,11 @@ const FIRST_LAYERS: [(&str, FeatureKind, std::ops::Range<usize>); 5] = [
     ("visibility", FeatureKind::Visibility, 10..11),
 ];
 
-const SECOND_LAYERS: [(&str, std::ops::Range<usize>); 3] =
-    [("albedo2", 0..3), ("normal2", 3..6), ("depth2", 6..7)];
+const SECOND_LAYERS: [Layer; 3] = [
+    ("albedo2", FeatureKind::Albedo, 0..3),
+    ("normal2", FeatureKind::Normal, 3..6),
+    ("depth2", FeatureKind::Depth, 6..7),
+];
 
 /// A number drawn from a pixel's sums.
 type Statistic<const N: usize> = fn(&Moments<N>, Count, usize) -> f64;
