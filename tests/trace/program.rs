@@ -4,7 +4,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use apr::io::{Picture, ReadOptions};
+use apr::Frame;
+use apr::image::Plane;
+use apr::io::{FrameHeader, Picture, ReadOptions, write_frame, write_plane};
 
 use super::{scenes, shipped};
 
@@ -18,7 +20,7 @@ fn write_scene(folder: &Path, resolution: [usize; 2]) -> std::path::PathBuf {
     path
 }
 
-fn frame(path: &Path) -> apr::Frame {
+fn frame(path: &Path) -> Frame {
     Picture::read(path, &ReadOptions::default()).unwrap().frame().clone()
 }
 
@@ -57,8 +59,19 @@ fn a_killed_reference_goes_on_where_it_was() {
     assert_eq!(other.status.code(), Some(3), "a checkpoint of another seed is refused");
     assert!(String::from_utf8_lossy(&other.stderr).contains("remove it"));
 
-    assert!(reference("7").status().unwrap().success());
-    assert!(!checkpoint.exists());
+    let fewer = ["--reference", "1", "--seed", "7"];
+    let fewer = program().arg(&scene).arg(&out).args(fewer).output().unwrap();
+    assert!(String::from_utf8_lossy(&fewer.stderr).contains("samples per pixel already"));
+
+    let report = folder.path().join("report.json");
+    let resumed = reference("7").arg("--report").arg(&report).stdout(Stdio::piped()).output().unwrap();
+    assert!(resumed.status.success() && !checkpoint.exists());
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    let (all, now) = (48 * 36 * 400, told["samplesOfThisRun"].as_u64().unwrap());
+    assert!(told["samples"] == all && now < all, "{told}");
+    let said = String::from_utf8_lossy(&resumed.stdout).into_owned();
+    let before = all - now;
+    assert!(said.contains(&format!("{now} samples in ")) && said.contains(&format!("after {before} of an")));
     let whole = folder.path().join("whole.exr");
     assert!(
         program()
@@ -76,17 +89,77 @@ fn a_killed_reference_goes_on_where_it_was() {
 fn a_map_of_samples_and_a_report() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, map) = (write_scene(folder.path(), [12, 10]), folder.path().join("map.exr"));
-    let counts = apr::image::Plane::from_fn(12, 10, |x, _| 2.0 + (x % 3) as f32);
-    let plane = [counts.clone(), counts.clone(), counts.clone()];
-    apr::io::write_frame(&map, &apr::Frame::new(plane).unwrap(), &Default::default()).unwrap();
     let (out, report) = (folder.path().join("out.exr"), folder.path().join("report.json"));
-    let status =
-        program().arg(&scene).arg(&out).arg("--spp-map").arg(&map).arg("--report").arg(&report).status();
-    assert!(status.unwrap().success());
-    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
-    assert_eq!(report["samples"], 12 * 10 * 3);
-    assert_eq!(report["plan"]["effects"].as_array().unwrap().len(), 9);
-    assert_eq!(frame(&out).spp(), Some(3.0));
+    // A pixel's samples do not depend on those of others: each is that of a render with its number.
+    let uniform = |spp: u32| {
+        let path = folder.path().join(format!("{spp}.exr"));
+        let spp = spp.to_string();
+        assert!(program().arg(&scene).arg(&path).args(["--spp", &spp]).status().unwrap().success());
+        frame(&path)
+    };
+    let (two, five) = (uniform(2), uniform(5));
+    // A lone channel, the red of a picture, our own layer beside a picture.
+    let counts = Plane::from_fn(12, 10, |x, _| [0.2, 1.8, 5.0][x % 3]);
+    let zero = || Plane::filled(12, 10, 0.0);
+    let red = Frame::new([counts.clone(), zero(), zero()]).unwrap();
+    let black = Frame::new([zero(), zero(), zero()]).unwrap();
+    let own = FrameHeader { further: &[("sampleCount.Y", &counts)], ..FrameHeader::default() };
+    let maps: [&dyn Fn(); 3] = [
+        &|| write_plane(&map, "passes", &counts).unwrap(),
+        &|| write_frame(&map, &red, &FrameHeader::default()).unwrap(),
+        &|| write_frame(&map, &black, &own).unwrap(),
+    ];
+    for (layout, write) in maps.iter().enumerate() {
+        write();
+        let mut command = program();
+        command.arg(&scene).arg(&out).arg("--spp-map").arg(&map).arg("--report").arg(&report);
+        assert!(command.status().unwrap().success(), "layout {layout}");
+        let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+        assert_eq!(report["samples"], 12 * 10 / 3 * 7);
+        assert_eq!(report["plan"]["effects"].as_array().unwrap().len(), 9);
+        let picture = Picture::read(&out, &ReadOptions::default()).unwrap();
+        let (mapped, counts) = (picture.frame(), picture.sample_counts().unwrap());
+        assert_eq!(mapped.spp(), Some(7.0 / 3.0));
+        let values = |frame: &Frame, x: usize, y: usize| {
+            [frame.color(), frame.color_var_of_mean().unwrap()].map(|rgb| [0, 1, 2].map(|c| rgb[c].get(x, y)))
+        };
+        for (x, y) in (0..10).flat_map(|y| (0..12).map(move |x| (x, y))) {
+            assert_eq!(counts.get(x, y), [0.0, 2.0, 5.0][x % 3]);
+            match x % 3 {
+                0 => assert!(values(mapped, x, y).as_flattened().iter().all(|v| v.is_nan())),
+                1 => assert_eq!(values(mapped, x, y), values(&two, x, y)),
+                _ => assert_eq!(values(mapped, x, y), values(&five, x, y)),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_map_of_samples_that_makes_no_sense_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, map) = (write_scene(folder.path(), [12, 10]), folder.path().join("map.exr"));
+    let out = folder.path().join("out.exr");
+    let refused = |why: &str| {
+        let output = program().arg(&scene).arg(&out).arg("--spp-map").arg(&map).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(4), "{said}");
+        assert!(said.contains(why) && said.contains("map.exr"), "{said}");
+    };
+    let cases = [
+        ([1.0, f32::NAN], "channel 'n.Y': NaN samples in column 7 of row 4"),
+        ([1.0, -1.0], "channel 'n.Y': -1 samples"),
+        ([1.0, f32::INFINITY], "inf samples"),
+        ([1.0, 3e7], "from 0 to 16777216"),
+        ([0.0, 0.0], "gives no pixel a sample"),
+    ];
+    for ([most, one], why) in cases {
+        let counts = Plane::from_fn(12, 10, |x, y| if (x, y) == (7, 4) { one } else { most });
+        write_plane(&map, "n.Y", &counts).unwrap();
+        refused(why);
+    }
+    let turned = Plane::filled(10, 12, 1.0);
+    write_plane(&map, "n.Y", &turned).unwrap();
+    refused("the map is 10×12 where the picture is 12×10");
 }
 
 #[test]

@@ -2,27 +2,29 @@
 
 #![allow(clippy::print_stdout, clippy::print_stderr)] // a program talks to its user
 
+mod checkpoint;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+mod progress;
 mod rounds;
 
-use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use apr::adaptive::AdaptiveOptions;
-use apr::io::{FrameHeader, check_target, read_rgb, write_bytes, write_frame};
+use apr::io::{FrameHeader, check_target, read_counts, write_bytes, write_frame};
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
+use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use progress::Progress;
 
 /// Path tracer that makes the denoiser's inputs and references.
 #[derive(Debug, Parser)]
 #[command(version, about)]
 struct Args {
-    /// The scene, a JSON file (fixtures/scenes/README.md describes every field).
+    /// The scene, a JSON file (docs/SCENES.md describes every field).
     scene: PathBuf,
     /// The EXR file to write; not needed with --plan.
     #[arg(required_unless_present = "plan")]
@@ -49,7 +51,8 @@ struct Args {
     /// The share of the frame's time during which the shutter is open.
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "frame")]
     shutter: f32,
-    /// Samples of each pixel from the first channel of this EXR file, instead of --spp.
+    /// Samples of each pixel from this EXR file, instead of --spp: from its channel sampleCount.Y, its only
+    /// channel, or R. A pixel of 0 samples is NaN.
     #[arg(long, value_name = "EXR", conflicts_with = "reference")]
     spp_map: Option<PathBuf>,
     /// Render N samples per pixel in passes, keeping a checkpoint (OUT.checkpoint) from which a killed
@@ -144,24 +147,24 @@ fn run(args: &Args) -> Result<()> {
     let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;
     let start = Instant::now();
     let mut renderer = Renderer::new(&scene, &options);
-    let rounds = if args.adaptive {
+    let (rounds, taken_up) = if args.adaptive {
         let adaptive = AdaptiveOptions {
             spp: args.spp,
             rounds: args.rounds,
             target_error: args.target_error,
             ..AdaptiveOptions::default()
         };
-        Some(pool.install(|| rounds::run(&mut renderer, &adaptive, args.quiet))?)
+        (Some(pool.install(|| rounds::run(&mut renderer, &adaptive, args.quiet))?), 0)
     } else {
-        pool.install(|| render(args, &options, &scene, &mut renderer))?;
-        None
+        (None, pool.install(|| render(args, &options, &scene, &mut renderer))?)
     };
     let rendered = renderer.finish()?;
     let counts = renderer.film().sample_map();
     let further = [("sampleCount.Y", &counts)];
     let further = if args.spp_map.is_some() || args.adaptive { &further[..] } else { &[] };
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
-    finish(args, out, &rendered, rounds.as_ref(), start.elapsed())
+    let drawn = Drawn { all: rendered.samples, now: rendered.samples - taken_up, time: start.elapsed() };
+    finish(args, out, &rendered, rounds.as_ref(), &drawn)
 }
 
 fn print_plan(plan: &Plan) {
@@ -171,15 +174,15 @@ fn print_plan(plan: &Plan) {
     }
 }
 
-/// Draws all samples, in passes that the progress can be told between.
-fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Renderer) -> Result<()> {
+/// Draws all samples, in passes that the progress can be told between. How many an earlier run had drawn.
+fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Renderer) -> Result<u64> {
     if let Some(path) = &args.spp_map {
-        let map = read_rgb(path)?;
-        let counts: Vec<u32> = map[0].data().iter().map(|&n| n.round().max(0.0) as u32).collect();
-        return renderer.pass(Samples::Map(&counts)).map_err(|error| error.in_file(path));
+        renderer.pass(Samples::Map(&read_counts(path, scene.size())?))?;
+        return Ok(0);
     }
     let mut checkpoint = Checkpoint::new(args, options, scene);
-    let mut done = checkpoint.restore(renderer)?;
+    let mut done = checkpoint.restore(renderer, options.spp)?;
+    let taken_up = renderer.film().drawn();
     let mut progress = Progress::new(args.quiet, options.spp, done);
     // Few enough passes to cost nothing, enough of them for a progress to be seen.
     let pass = options.spp.div_ceil(50).max(1);
@@ -193,88 +196,14 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
         }
     }
     checkpoint.remove();
-    Ok(())
+    Ok(taken_up)
 }
 
-/// The state of a long render beside its output. None is kept of others.
-struct Checkpoint {
-    path: Option<PathBuf>,
-    every: Duration,
-    saved: Instant,
-    /// What must be the same for a checkpoint to be continued.
-    key: Vec<u8>,
-}
-
-impl Checkpoint {
-    fn new(args: &Args, options: &RenderOptions, scene: &Scene) -> Self {
-        let out = args.out.as_ref().filter(|_| args.reference.is_some());
-        let path = out.map(|out| PathBuf::from(format!("{}.checkpoint", out.display())));
-        let what = RenderOptions { spp: 0, ..options.clone() };
-        let key = format!("apr-trace checkpoint 1\n{:016x}\n{what:?}\n", scene.fingerprint()).into_bytes();
-        let every = Duration::from_secs_f64(args.checkpoint_every.max(0.0));
-        Self { path, every, saved: Instant::now(), key }
-    }
-
-    /// Takes up the film of an earlier run, if there is one; samples per pixel done by it.
-    fn restore(&self, renderer: &mut Renderer) -> Result<u32> {
-        let Some(path) = self.path.as_ref().filter(|path| path.exists()) else { return Ok(0) };
-        let unreadable = |what: String| {
-            let error = Error::new(ErrorKind::Unreadable, what).in_file(path);
-            error.remedy("remove it to start anew")
-        };
-        let bytes = std::fs::read(path).map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-        let film = bytes.strip_prefix(self.key.as_slice());
-        let film = film.ok_or_else(|| unreadable("belongs to another scene, seed or options".into()))?;
-        renderer
-            .film_mut()
-            .restore(film)
-            .map_err(|error| error.in_file(path).remedy("remove it to start anew"))?;
-        Ok(renderer.film().counts()[0].drawn)
-    }
-
-    fn save(&mut self, renderer: &Renderer) -> Result<()> {
-        let Some(path) = self.path.as_ref().filter(|_| self.saved.elapsed() >= self.every) else {
-            return Ok(());
-        };
-        write_bytes(path, &[self.key.clone(), renderer.film().to_bytes()].concat())?;
-        self.saved = Instant::now();
-        Ok(())
-    }
-
-    fn remove(&self) {
-        if let Some(path) = &self.path {
-            let _ = std::fs::remove_file(path); // there is none after a short run
-        }
-    }
-}
-
-/// A bar on a terminal, plain lines elsewhere.
-struct Progress {
-    bar: Option<ProgressBar>,
-    quiet: bool,
-    total: u32,
-    told: u32,
-}
-
-impl Progress {
-    fn new(quiet: bool, total: u32, done: u32) -> Self {
-        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples per pixel, {eta} left");
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| ProgressBar::new(total.into()));
-        let bar = bar.and_then(|bar| Some(bar.with_style(style.ok()?).with_position(done.into())));
-        Self { bar, quiet, total, told: 0 }
-    }
-
-    fn set(&mut self, done: u32) {
-        let percent = (100 * u64::from(done) / u64::from(self.total)) as u32;
-        match &self.bar {
-            Some(bar) => bar.set_position(done.into()),
-            None if !self.quiet && percent >= self.told + 5 => {
-                println!("progress {percent}");
-                self.told = percent;
-            }
-            None => {}
-        }
-    }
+/// Samples over all pixels, and what those of this run took.
+struct Drawn {
+    all: u64,
+    now: u64,
+    time: Duration,
 }
 
 fn finish(
@@ -282,9 +211,9 @@ fn finish(
     out: &Path,
     rendered: &Rendered,
     rounds: Option<&rounds::Rounds>,
-    elapsed: Duration,
+    drawn: &Drawn,
 ) -> Result<()> {
-    let seconds = elapsed.as_secs_f64();
+    let seconds = drawn.time.as_secs_f64();
     if rendered.dropped > 0 {
         eprintln!(
             "warning: {} of {} samples were not finite and were dropped",
@@ -292,15 +221,20 @@ fn finish(
         );
     }
     if !args.quiet {
-        let rate = rendered.samples as f64 / seconds / 1e6;
-        println!("{}: {} samples in {seconds:.2} s, {rate:.2} M/s", out.display(), rendered.samples);
+        let rate = drawn.now as f64 / seconds / 1e6;
+        let before = match drawn.all - drawn.now {
+            0 => String::new(),
+            before => format!(" after {before} of an earlier run"),
+        };
+        println!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now);
     }
     let Some(path) = &args.report else { return Ok(()) };
     let report = serde_json::json!({
         "scene": args.scene,
         "output": out,
         "seed": args.seed,
-        "samples": rendered.samples,
+        "samples": drawn.all,
+        "samplesOfThisRun": drawn.now,
         "dropped": rendered.dropped,
         "seconds": seconds,
         "adaptive": rounds,

@@ -1,0 +1,42 @@
+//! How far a render is.
+
+use std::io::IsTerminal;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// A bar on a terminal, plain lines elsewhere.
+pub struct Progress {
+    bar: Option<ProgressBar>,
+    quiet: bool,
+    total: u32,
+    told: u32,
+}
+
+impl Progress {
+    /// Of `total` samples per pixel, `done` by an earlier run.
+    pub fn new(quiet: bool, total: u32, done: u32) -> Self {
+        let style = ProgressStyle::with_template("{bar:40} {pos}/{len} samples per pixel, {eta} left");
+        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| ProgressBar::new(total.into()));
+        let bar = bar.and_then(|bar| Some(bar.with_style(style.ok()?)));
+        if let Some(bar) = &bar {
+            // The time left follows from what this run does: its clock starts after the earlier run's samples.
+            bar.set_position(done.into());
+            bar.tick();
+            bar.reset_eta();
+        }
+        Self { bar, quiet, total, told: 0 }
+    }
+
+    /// `done` samples per pixel are there.
+    pub fn set(&mut self, done: u32) {
+        let percent = (100 * u64::from(done) / u64::from(self.total)) as u32;
+        match &self.bar {
+            Some(bar) => bar.set_position(done.into()),
+            None if !self.quiet && percent >= self.told + 5 => {
+                println!("progress {percent}");
+                self.told = percent;
+            }
+            None => {}
+        }
+    }
+}
