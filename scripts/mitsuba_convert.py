@@ -1,4 +1,4 @@
-"""Turns a scene of apr-trace (fixtures/scenes/README.md) into the dictionary of `mitsuba.load_dict`.
+"""Turns a scene of apr-trace (docs/SCENES.md) into the dictionary of `mitsuba.load_dict`.
 
 Everything has a counterpart in Mitsuba 3 but motion, which Mitsuba does not have: `scene_at` gives the
 scene frozen at one moment. Materials that do not transmit are two-sided in apr-trace.

@@ -7,6 +7,7 @@ mod mitsuba;
 mod motion;
 mod program;
 mod scene_errors;
+mod scene_fields;
 
 use std::path::{Path, PathBuf};
 

@@ -26,7 +26,7 @@ fn every_mistake_is_named_with_its_place() {
     };
     let cases: Vec<(String, [&str; 2])> = vec![
         (error_of(set("/camera/fow", json!(3))), ["$.camera: the key 'fow'", "did you mean 'fov'?"]),
-        (error_of(set("/camera/fov", json!("wide"))), ["$.camera.fov: got a string", "README"]),
+        (error_of(set("/camera/fov", json!("wide"))), ["$.camera.fov: got a string", "docs/SCENES.md"]),
         (error_of(set("/camera/crop", json!([0, 0, 9, 6]))), ["$.camera.crop", "inside 8×6"]),
         (error_of(set("/camera/target", json!([0, 0, 3.9]))), ["$.camera", "direction"]),
         (
@@ -64,7 +64,7 @@ fn every_mistake_is_named_with_its_place() {
             error_of(set("/shapes/1", json!({"type": "sphere", "material": "white", "radius": -1}))),
             ["$.shapes[1].radius", "at least 0"],
         ),
-        (error_of(set("/shapes/1/type", json!("mesh"))), ["'file' is missing", "add 'file'"]),
+        (error_of(set("/shapes/1/type", json!("mesh"))), ["'file' is missing", "add it; see docs"]),
         (
             error_of(set("/medium", json!({"extinction": 0, "albedo": 1}))),
             ["$.medium.extinction", "leave the medium out"],

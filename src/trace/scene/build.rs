@@ -43,30 +43,33 @@ struct Builder<'a> {
 pub fn scene(value: &Value, text: &str, folder: &Path, split: Split) -> Result<Scene> {
     let root = Node::root(value);
     let object = root.object()?;
+    let (camera, shapes) = (object.need("camera")?, object.need("shapes")?);
+    let [integrator, materials, groups, lights, environment, medium] =
+        ["integrator", "materials", "groups", "lights", "environment", "medium"].map(|key| object.get(key));
+    object.done()?; // before names are missed that a section without its right name defines
     let mut builder = Builder::new(folder, split);
-    let camera = camera::camera(&object.need("camera")?)?;
-    let (max_depth, roulette_depth) = integrator(&object)?;
-    for (name, node) in object.get("materials").map_or(Ok(vec![]), |node| node.members())? {
+    let camera = camera::camera(&camera)?;
+    let (max_depth, roulette_depth) = depths(integrator)?;
+    for (name, node) in materials.map_or(Ok(vec![]), |node| node.members())? {
         builder.names.insert(name, builder.materials.len() as u32);
         let material = material::material(&node, &mut builder.files)?;
         builder.materials.push(material);
     }
-    for (name, node) in object.get("groups").map_or(Ok(vec![]), |node| node.members())? {
+    for (name, node) in groups.map_or(Ok(vec![]), |node| node.members())? {
         let level = builder.level(&node, false)?;
         builder.level_names.insert(name, builder.levels.len() as u32);
         builder.levels.push(level);
     }
-    let top = builder.level(&object.need("shapes")?, true)?;
-    for node in object.get("lights").map_or(Ok(vec![]), |node| node.list())? {
+    let top = builder.level(&shapes, true)?;
+    for node in lights.map_or(Ok(vec![]), |node| node.list())? {
         let (light, group) = light::light(&node)?;
         builder.add_light(light, group);
     }
-    if let Some(node) = object.get("environment") {
+    if let Some(node) = environment {
         let (light, group) = light::environment(&node, &mut builder.files)?;
         builder.add_light(light, group);
     }
-    let medium = object.get("medium").map(|node| light::medium(&node)).transpose()?;
-    object.done()?;
+    let medium = medium.map(|node| light::medium(&node)).transpose()?;
     Ok(Scene {
         camera,
         world: World::new(top, builder.levels),
@@ -84,8 +87,9 @@ pub fn scene(value: &Value, text: &str, folder: &Path, split: Split) -> Result<S
     })
 }
 
-fn integrator(object: &Object) -> Result<(u32, u32)> {
-    let Some(node) = object.get("integrator") else { return Ok((DEFAULT_MAX_DEPTH, DEFAULT_ROULETTE_DEPTH)) };
+/// The most segments of a path, and the segment after which roulette begins.
+fn depths(integrator: Option<Node>) -> Result<(u32, u32)> {
+    let Some(node) = integrator else { return Ok((DEFAULT_MAX_DEPTH, DEFAULT_ROULETTE_DEPTH)) };
     let object = node.object()?;
     let whole = |key, default| object.or(key, default, |node| Ok(node.whole(1, 1 << 16)? as u32));
     let depths = (whole("max_depth", DEFAULT_MAX_DEPTH)?, whole("roulette_depth", DEFAULT_ROULETTE_DEPTH)?);
@@ -223,7 +227,8 @@ fn instance_of(node: &Node, level: u32, start: Affine, end: Option<Affine>) -> R
         Some(end) => Motion::Linear(start, end),
         None => {
             let placement = Placement::new(start);
-            Motion::Still(placement.ok_or_else(|| node.error("the transform is singular"))?)
+            let singular = || node.error("the transform is singular").remedy("scale by more than 0");
+            Motion::Still(placement.ok_or_else(singular)?)
         }
     };
     Ok(Solid::Instance { level, motion })

@@ -24,9 +24,11 @@ pub fn camera(node: &Node) -> Result<Camera> {
     };
     let fov = object.need("fov")?;
     let degrees = fov.number_in(1e-3, 179.0)?;
-    let size = object.need("resolution")?.list()?;
+    let resolution = object.need("resolution")?;
+    let size = resolution.list()?;
     let [width, height] = size.as_slice() else {
-        return Err(node.error("'resolution' has not two numbers").remedy("give [width, height]"));
+        let error = resolution.error(format!("got {} numbers where 2 were expected", size.len()));
+        return Err(error.remedy("give [width, height]"));
     };
     let resolution = [width.whole(1, MAX_SIDE)? as usize, height.whole(1, MAX_SIDE)? as usize];
     let whole = Rect { x: 0, y: 0, width: resolution[0], height: resolution[1] };

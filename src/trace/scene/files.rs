@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::json::Node;
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
 use crate::trace::math::Vec3;
 use crate::trace::texture::Picture;
 
@@ -72,7 +72,10 @@ impl Files {
             return Ok(mesh.clone());
         }
         let (path, bytes) = self.read(node)?;
-        let mesh = Arc::new(parse_obj(&bytes).map_err(|error| error.in_file(&path))?);
+        let mesh = Arc::new(parse_obj(&bytes).map_err(|what| {
+            let error = node.error(format!("'{}' {what}", path.display()));
+            error.remedy("give an OBJ file of triangles or polygons")
+        })?);
         self.meshes.insert(path, mesh.clone());
         Ok(mesh)
     }
@@ -85,22 +88,29 @@ impl Files {
             return Ok(picture.clone());
         }
         let (path, bytes) = self.read(node)?;
-        let picture = Arc::new(decode_picture(&bytes, raw).map_err(|error| error.in_file(&path))?);
+        let picture = Arc::new(decode_picture(&bytes, raw).map_err(|what| {
+            let error = node.error(format!("'{}' {what}", path.display()));
+            error.remedy("give a PNG, JPEG or HDR picture of at least 2×2 pixels")
+        })?);
         self.pictures.insert(key, picture.clone());
         Ok(picture)
     }
 }
 
-fn parse_obj(bytes: &[u8]) -> Result<Mesh> {
+/// The mesh in an OBJ file, or what is wrong with it.
+fn parse_obj(bytes: &[u8]) -> std::result::Result<Mesh, String> {
     let options = tobj::LoadOptions { triangulate: true, single_index: false, ..Default::default() };
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
-        .map_err(|error| Error::new(ErrorKind::Unreadable, format!("not a readable OBJ mesh: {error}")))?;
-    let mesh = Mesh { triangles: models.iter().flat_map(|model| triangles(&model.mesh)).collect() };
-    if mesh.triangles.is_empty() {
-        return Err(Error::new(ErrorKind::Lacking, "the mesh has no triangle"));
+        .map_err(|error| format!("is no readable OBJ mesh: {error}"))?;
+    if models.iter().any(|model| !model.mesh.positions.iter().all(|x| x.is_finite())) {
+        return Err("has a vertex whose place is no finite number".into());
     }
-    Ok(mesh)
+    let mesh = Mesh { triangles: models.iter().flat_map(|model| triangles(&model.mesh)).collect() };
+    match mesh.triangles.is_empty() {
+        true => Err("has no triangle".into()),
+        false => Ok(mesh),
+    }
 }
 
 fn triangles(mesh: &tobj::Mesh) -> Vec<[Corner; 3]> {
@@ -124,19 +134,16 @@ fn triangles(mesh: &tobj::Mesh) -> Vec<[Corner; 3]> {
     (0..mesh.indices.len() / 3).filter_map(triangle).collect()
 }
 
-fn decode_picture(bytes: &[u8], raw: bool) -> Result<Picture> {
-    let unreadable = |error: image::ImageError| {
-        Error::new(ErrorKind::Unreadable, format!("not a readable picture: {error}"))
-            .remedy("use PNG, JPEG or HDR")
-    };
+/// The picture in a file, or what is wrong with it.
+fn decode_picture(bytes: &[u8], raw: bool) -> std::result::Result<Picture, String> {
+    let unreadable = |error: &dyn std::fmt::Display| format!("is no readable picture: {error}");
     let reader = image::ImageReader::new(Cursor::new(bytes)).with_guessed_format();
-    let reader = reader.map_err(|error| unreadable(image::ImageError::IoError(error)))?;
+    let reader = reader.map_err(|error| unreadable(&error))?;
     let linear = raw || reader.format() == Some(image::ImageFormat::Hdr);
-    let picture = reader.decode().map_err(unreadable)?.into_rgb32f();
+    let picture = reader.decode().map_err(|error| unreadable(&error))?.into_rgb32f();
     let (width, height) = (picture.width() as usize, picture.height() as usize);
     if width < 2 || height < 2 {
-        let what = format!("the picture is {width}×{height}");
-        return Err(Error::new(ErrorKind::Unreadable, what).remedy("use one of at least 2×2 pixels"));
+        return Err(format!("has {width}×{height} pixels"));
     }
     let decode = |c: f32| if linear { c } else { srgb_to_linear(c) };
     let texels = picture.pixels().map(|pixel| Vec3::from(pixel.0).map(decode)).collect();

@@ -47,7 +47,7 @@ impl<'a> Node<'a> {
 
     fn expected(&self, what: &str) -> Error {
         self.error(format!("got {} where {what} was expected", kind_of(self.value)))
-            .remedy("see fixtures/scenes/README.md for every field")
+            .remedy("see docs/SCENES.md for every field")
     }
 
     /// The value as an object.
@@ -176,8 +176,17 @@ impl<'a> Object<'a> {
     pub fn need(&self, key: &'static str) -> Result<Node<'a>> {
         self.get(key).ok_or_else(|| {
             Error::new(ErrorKind::Unreadable, format!("at {}: '{key}' is missing", self.path))
-                .remedy(format!("add '{key}'; see fixtures/scenes/README.md"))
+                .remedy(format!("add it{}; see docs/SCENES.md", self.slip(key)))
         })
+    }
+
+    /// A hint at a key that was perhaps meant to be `key`.
+    fn slip(&self, key: &str) -> String {
+        let known = self.known.borrow();
+        let others = self.map.keys().map(String::as_str).filter(|other| !known.contains(other));
+        let close = others.map(|other| (distance(key, other), other)).min();
+        let close = close.filter(|(edits, _)| *edits <= 1 + key.len() / 3);
+        close.map_or(String::new(), |(_, other)| format!(", or is '{other}' meant to be it?"))
     }
 
     /// The value of `key` through `read`, or `default` without it.
@@ -204,7 +213,8 @@ fn nearest(name: &str, known: &[&str]) -> String {
     let close = known.iter().map(|k| (distance(name, k), *k)).min();
     match close {
         Some((edits, meant)) if edits <= 1 + name.len() / 3 => format!("did you mean '{meant}'?"),
-        _ => format!("known are: {}", known.join(", ")),
+        Some(_) => format!("known are: {}", known.join(", ")),
+        None => "add it: none is defined".into(),
     }
 }
 

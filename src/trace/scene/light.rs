@@ -38,14 +38,18 @@ pub fn light<'a>(node: &Node<'a>) -> Result<(Light, Option<&'a str>)> {
             let position = object.need("position")?.vec3()?;
             let target = object.need("target")?;
             let axis = (target.vec3()? - position).try_normalize(0.0);
-            let axis = axis.ok_or_else(|| target.error("the spot light has no direction"));
+            let axis = axis.ok_or_else(|| {
+                target.error("the spot light has no direction").remedy("put 'target' away from 'position'")
+            });
             let cutoff_angle = object.or("cutoff_angle", 20.0, |node| node.number_in(0.1, 90.0))?;
-            let beam_angle =
-                object.or("beam_angle", 0.75 * cutoff_angle, |node| node.number_in(0.0, 90.0))?;
-            if beam_angle >= cutoff_angle {
+            let beam_angle = object.or("beam_angle", 0.75 * cutoff_angle, |node| {
+                let angle = node.number_in(0.0, 90.0)?;
+                if angle < cutoff_angle {
+                    return Ok(angle);
+                }
                 let error = node.error("'beam_angle' is not less than 'cutoff_angle'");
-                return Err(error.remedy("leave room for the falloff between them"));
-            }
+                Err(error.remedy("leave room for the falloff between them"))
+            })?;
             let (beam, cutoff) = (beam_angle.to_radians(), cutoff_angle.to_radians());
             Light::Spot { position, axis: axis?, intensity: color("intensity")?, beam, cutoff }
         }

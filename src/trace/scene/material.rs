@@ -68,13 +68,33 @@ fn eta(object: &Object, default: f32) -> Result<f32> {
 }
 
 fn conductor(object: &Object) -> Result<Conductor> {
-    let named = object.get("metal").map(|node| node.choice(&METALS)).transpose()?;
-    let (eta, k) = match named {
-        Some((eta, k)) => (Vec3::from(eta), Vec3::from(k)),
-        None => (object.need("eta")?.color(f64::INFINITY)?, object.need("k")?.color(f64::INFINITY)?),
+    let by_index = object.get("eta").is_some() || object.get("k").is_some();
+    let (eta, k) = match object.get("metal") {
+        None if by_index => index(object)?,
+        Some(metal) if by_index => {
+            let error = metal.error("a metal has an 'eta' and a 'k' of its own");
+            return Err(error.remedy("leave it out, or those two"));
+        }
+        _ => {
+            let (eta, k) = object.need("metal")?.choice(&METALS)?;
+            (Vec3::from(eta), Vec3::from(k))
+        }
     };
     let tint = object.or("reflectance", Vec3::repeat(1.0), |node| node.color(1.0))?;
     Ok(Conductor { eta, k, tint, roughness: roughness(object)? })
+}
+
+/// The refraction index of a metal: Fresnel's equations stay finite in this range.
+fn index(object: &Object) -> Result<(Vec3, Vec3)> {
+    const GREATEST: f64 = 10_000.0;
+    const LEAST: f32 = 0.001;
+    let (real, imaginary) = (object.need("eta")?, object.need("k")?);
+    let (eta, k) = (real.color(GREATEST)?, imaginary.color(GREATEST)?);
+    if eta.sup(&k).min() < LEAST {
+        let error = imaginary.error(format!("'eta' and 'k' are both less than {LEAST} in some channel"));
+        return Err(error.remedy("give one of them a larger number there, or a 'metal'"));
+    }
+    Ok((eta, k))
 }
 
 fn reflectance(object: &Object, files: &mut Files) -> Result<Texture> {
@@ -91,8 +111,14 @@ fn reflectance(object: &Object, files: &mut Files) -> Result<Texture> {
             Texture::Checker { colors, scale }
         }
         false => {
-            let raw = texture.or("raw", false, Node::bool)?;
-            Texture::Bitmap { picture: files.picture(&texture.need("file")?, raw)?, scale }
+            let (raw, file) = (texture.or("raw", false, Node::bool)?, texture.need("file")?);
+            let picture = files.picture(&file, raw)?;
+            let most = picture.texels.iter().map(|texel| texel.max()).fold(0.0, f32::max);
+            if most > 1.0 {
+                let error = file.error(format!("the picture reflects {most} times what it receives"));
+                return Err(error.remedy("scale its values to 0 to 1"));
+            }
+            Texture::Bitmap { picture, scale }
         }
     };
     texture.done()?;

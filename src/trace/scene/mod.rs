@@ -1,5 +1,5 @@
-//! The scene file: JSON, every field of which is described in `fixtures/scenes/README.md`. A key that
-//! is not known, a missing file or a value out of range is an error that names its JSON path.
+//! The scene file: JSON, every field of which is described in `docs/SCENES.md` (the docs of [`Scene`]). A key
+//! that is not known, a missing file or a value out of range is an error that names its JSON path.
 
 mod build;
 mod camera;
@@ -31,6 +31,8 @@ pub(super) struct ShapeInfo {
 }
 
 /// A scene, ready to be rendered.
+///
+#[doc = include_str!("../../../docs/SCENES.md")]
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub(super) camera: Camera,

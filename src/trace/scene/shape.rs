@@ -82,7 +82,13 @@ impl Outline {
             Outline::Cube => {
                 pieces.triangles = cube_faces().iter().flat_map(|face| quad(face, to_world, shape)).collect();
             }
-            Outline::Mesh(mesh, flat) => pieces.triangles = mesh_triangles(mesh, *flat, to_world, shape),
+            Outline::Mesh(mesh, flat) => {
+                pieces.triangles = mesh_triangles(mesh, *flat, to_world, shape);
+                if pieces.triangles.is_empty() {
+                    let error = node.error("the mesh has no triangle with an area");
+                    return Err(error.remedy("give a mesh whose corners do not lie on lines"));
+                }
+            }
             Outline::Disk => {
                 pieces.solids.push(Solid::Disk(Disk { placement: placement(node, to_world)? }, shape))
             }

@@ -51,17 +51,18 @@ fn step(node: &Node) -> Result<Matrix4<f64>> {
 pub fn affine(node: &Node) -> Result<Affine> {
     let steps = node.list()?.iter().map(step).collect::<Result<Vec<_>>>()?;
     let matrix = steps.into_iter().fold(Matrix4::identity(), |so_far, next| next * so_far);
-    check(node, &matrix)?;
-    Ok(Affine::from_matrix(&matrix))
-}
-
-fn check(node: &Node, matrix: &Matrix4<f64>) -> Result<()> {
     let linear = matrix.fixed_view::<3, 3>(0, 0);
     let lengths: f64 = (0..3).map(|i| linear.column(i).norm()).product();
-    if linear.determinant().abs() > LEAST_VOLUME * lengths {
-        return Ok(());
+    let volume = linear.determinant().abs();
+    if volume.is_nan() || volume <= LEAST_VOLUME * lengths {
+        return Err(node.error("the transform is singular").remedy("give every axis a scale other than 0"));
     }
-    Err(node.error("the transform is singular").remedy("give every axis a scale other than 0"))
+    let affine = Affine::from_matrix(&matrix);
+    if !affine.linear.determinant().is_normal() || !affine.shift.iter().all(|x| x.is_finite()) {
+        let error = node.error("the transform is beyond single precision");
+        return Err(error.remedy("scale by factors from 1e-12 to 1e12 in all"));
+    }
+    Ok(affine)
 }
 
 /// Checks that the motion from `start` to `end` is invertible at every moment.
