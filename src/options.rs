@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 /// The largest radius of a window.
 pub const MAX_WINDOW_RADIUS: usize = 15;
 
+/// The largest radius of a kernel's patches.
+pub const MAX_PATCH_RADIUS: usize = 3;
+
 /// Options of [`crate::denoise()`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -65,7 +68,7 @@ pub type Preset = fn() -> Options;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Kernel {
-    /// Radius of the patches that are compared, 0 to 3; 1 is 3×3.
+    /// Radius of the patches that are compared, 0 to [`MAX_PATCH_RADIUS`]; 1 is 3×3.
     pub patch_radius: usize,
     /// Bandwidth k: distances are divided by k².
     pub bandwidth: f32,
@@ -233,7 +236,7 @@ impl Options {
         range("max_order", self.max_order, 0, 3)?;
         range("stages", self.stages.len(), 1, 8)?;
         for kernel in self.stages.iter().flatten() {
-            range("patch_radius", kernel.patch_radius, 0, 3)?;
+            range("patch_radius", kernel.patch_radius, 0, MAX_PATCH_RADIUS)?;
             number("bandwidth", kernel.bandwidth, 0.01, 1e6)?;
         }
         for kernels in &self.stages {

@@ -10,22 +10,32 @@ use super::gram::LANES;
 /// Columns are enlarged by no more than 2^60: pixels without weight must stay finite too.
 const LARGEST_SCALE: f32 = (1u64 << 60) as f32;
 
-/// Takes the weighted mean out of `column` and returns what was taken out (`column` and `weights` are whole
-/// vectors long; where there is no sample the weight is zero). The mean is good to some 1e-6 of
-/// the values: near enough, for it is the very number returned that has been taken out.
+/// Takes the weighted mean out of `column` and returns what was taken out (`column` and `weights`, which sum
+/// to `total`, are whole vectors long; where there is no sample the weight is zero). The mean is good to some
+/// 1e-6 of the values: near enough, for it is the very number returned that has been taken out.
 #[inline(always)]
-pub fn centre(column: &mut [f32], weights: &[f32]) -> f32 {
-    let (mut sums, mut totals) = ([0.0f32; LANES], [0.0f32; LANES]);
+pub fn centre(column: &mut [f32], weights: &[f32], total: f32) -> f32 {
+    let mut sums = [0.0f32; LANES];
     for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
         for lane in 0..LANES {
             sums[lane] += w[lane] * x[lane];
-            totals[lane] += w[lane];
         }
     }
-    let total: f32 = totals.iter().sum();
     let mean = if total > 0.0 { sums.iter().sum::<f32>() / total } else { 0.0 };
     column.iter_mut().for_each(|x| *x -= mean);
     mean
+}
+
+/// The sum of `weights`, lane by lane.
+#[inline(always)]
+pub fn total(weights: &[f32]) -> f32 {
+    let mut totals = [0.0f32; LANES];
+    for w in weights.chunks_exact(LANES) {
+        for lane in 0..LANES {
+            totals[lane] += w[lane];
+        }
+    }
+    totals.iter().sum()
 }
 
 /// Multiplies `column` by the power of two that brings the largest value of any weight to about 1.
@@ -63,7 +73,7 @@ mod tests {
         column[..4].copy_from_slice(&[1e6, 1e6 + 2.0, 1e6 + 4.0, 7.0]);
         let mut weights = [0.0; LANES];
         weights[..3].copy_from_slice(&[1.0, 2.0, 1.0]);
-        let mean = centre(&mut column, &weights);
+        let mean = centre(&mut column, &weights, total(&weights));
         assert!((mean - 1_000_002.0).abs() < 1.0);
         assert_eq!(column[2] - column[0], 4.0);
         assert_eq!(column[4], -mean, "without weight, and so without meaning");

@@ -3,6 +3,7 @@
 mod basis;
 mod coarse;
 pub(crate) mod condition;
+mod distances;
 pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;

@@ -265,11 +265,8 @@ fn center(
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
     // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
     // do not join the average, and the coverage test sees the gap. Black blotches were what they left.
-    let least: [f32; 3] = std::array::from_fn(|c| {
-        let rows = window.y0..window.y0 + window.height;
-        let values = rows.flat_map(|y| &problem.targets[c].row(y)[window.x0..window.x0 + window.width]);
-        values.fold(0.0f32, |least, v| least.min(*v)) - SWING * options.dark_level
-    });
+    let least: [f32; 3] =
+        std::array::from_fn(|c| window.least(problem.targets[c]).min(0.0) - SWING * options.dark_level);
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
         let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);

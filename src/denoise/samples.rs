@@ -66,6 +66,11 @@ impl Samples {
         self.kernel.len()
     }
 
+    /// Whether there is one sample alone, in all frames together.
+    pub fn is_one(&self) -> bool {
+        self.ends.last() == Some(&1)
+    }
+
     /// K of every sample, `stride` long.
     pub fn kernel(&self) -> &[f32] {
         &self.kernel

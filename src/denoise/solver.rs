@@ -2,6 +2,7 @@
 
 use super::basis::Basis;
 use super::condition;
+use super::distances::{self, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
@@ -76,10 +77,7 @@ pub struct Fitted<'a> {
 pub struct Solver<'a> {
     problem: &'a Problem<'a>,
     arch: pulp::Arch,
-    /// Of the window in this frame, then in those beside.
-    distances: Vec<f32>,
-    /// Which distances the buffer holds: centre, patch radius, demodulated.
-    held: Option<(usize, usize, usize, bool)>,
+    distances: Distances,
     samples: Samples,
     weights: Vec<f32>,
     weighted_noise: Vec<f32>,
@@ -118,15 +116,10 @@ impl WithSimd for Run<'_, '_> {
 impl<'a> Solver<'a> {
     /// A solver for `problem`.
     pub fn new(problem: &'a Problem<'a>) -> Self {
-        let radius = problem.options.window_radius;
         Self {
             problem,
             arch: vectors::widest(),
-            distances: vec![
-                0.0;
-                (1 + problem.beside.len()) * (2 * radius + 1) * weights::distance_stride(radius)
-            ],
-            held: None,
+            distances: Distances::new(problem.options.window_radius, 1 + problem.beside.len()),
             samples: Samples::default(),
             weights: vec![],
             weighted_noise: vec![],
@@ -152,7 +145,11 @@ impl<'a> Solver<'a> {
     #[inline(always)]
     fn run(&mut self, window: &Window, kernel: Kernel) {
         let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
-        let scale = self.prepare(window, kernel, demodulation);
+        self.weigh(window, kernel, demodulation);
+        if self.samples.is_one() {
+            return self.keep(window);
+        }
+        let scale = self.prepare(window, demodulation);
         let arch = self.arch;
         self.factorise(|columns, gram| gram::accumulate(arch, columns, gram));
         let Problem { basis, options, .. } = self.problem;
@@ -162,10 +159,21 @@ impl<'a> Solver<'a> {
         self.predict(scale, demodulation);
     }
 
-    /// All up to the Gram matrices; returns the factor that radiance was scaled by.
+    /// The fit of a centre that resembles nothing but itself, without its sums: the pixel as it is, and its
+    /// noise as the risk. A third to a half of the centres on hard light at few samples are such.
+    fn keep(&mut self, window: &Window) {
+        let at = |plane: &Plane| plane.get(window.cx, window.cy);
+        self.predicted.clear();
+        self.predicted.extend(self.problem.targets.iter().map(|plane| at(plane)));
+        let noise: f64 = self.problem.variance.iter().map(|plane| f64::from(at(plane))).sum();
+        self.choice.best = 0;
+        self.choice.order = 0.0;
+        self.choice.xi = noise / self.problem.variance.len() as f64;
+    }
+
+    /// All between the weights and the Gram matrices; returns the factor that radiance was scaled by.
     #[inline(always)]
-    fn prepare(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) -> f32 {
-        self.weigh(window, kernel, demodulation);
+    fn prepare(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) -> f32 {
         self.gather(window, demodulation);
         let scale = self.scale_radiance();
         self.trust_samples(scale);
@@ -196,28 +204,20 @@ impl<'a> Solver<'a> {
     fn weigh(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) {
         let Problem { guide, beside, options, .. } = self.problem;
         let radius = options.window_radius;
-        let row = weights::distance_stride(radius);
-        let square = (2 * radius + 1) * row;
-        let key = (window.cx, window.cy, kernel.patch_radius, demodulation.is_some());
-        if self.held != Some(key) {
-            let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>| {
-                albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide)
-            };
-            let here = chosen(guide, self.problem.albedo);
-            let others = beside.iter().map(|beside| chosen(beside.guide, beside.albedo));
-            let guides = std::iter::once(here).chain(others);
-            for (guide, out) in guides.zip(self.distances.chunks_exact_mut(square)) {
-                here.distances(guide, window.cx, window.cy, radius, kernel.patch_radius, out);
-            }
-            self.held = Some(key);
-        }
+        let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>| {
+            albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide)
+        };
+        let here = chosen(guide, self.problem.albedo);
+        let guides = std::iter::once(here).chain(beside.iter().map(|b| chosen(b.guide, b.albedo)));
+        let kind = Kind { patch_radius: kernel.patch_radius, demodulated: demodulation.is_some() };
+        let distances = self.distances.of(kind, [window.cx, window.cy], guides);
         self.samples.clear();
         let columns = self.problem.targets[0].width();
         let (first_x, first_y) = window.offset(radius);
         self.scratch.resize(2 * window.pixels(), 0.0);
         let (kernels, trust) = self.scratch.split_at_mut(window.pixels());
-        for (f, distances) in self.distances.chunks_exact(square).enumerate() {
-            let rows = distances.chunks_exact(row).skip(first_y);
+        for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {
+            let rows = distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
             for (distances, out) in rows.zip(kernels.chunks_exact_mut(window.width)) {
                 weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
             }
@@ -342,8 +342,9 @@ impl<'a> Solver<'a> {
         let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
         let stride = self.samples.stride();
         self.means.clear();
+        let total = condition::total(&self.weights);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights);
+            let mean = condition::centre(column, &self.weights, total);
             if j <= features {
                 condition::level(column, &self.weights);
             } else if j >= p {

@@ -19,20 +19,27 @@ const WEIGHT_THRESHOLD: f32 = 0.05;
 const LARGEST_GUIDE: f32 = 1e15;
 
 /// Samples that the inner loops take at once.
-const BLOCK: usize = 8;
+pub const BLOCK: usize = 8;
 
 /// Planes to compare pixels by, each with the variance of its noise, padded by replication.
 #[derive(Debug, Clone)]
 pub struct Guide {
     planes: Vec<Vec<f32>>,
     variances: Vec<Vec<f32>>,
+    /// Summed over the planes.
+    noise: Vec<f32>,
     stride: usize,
     pad: usize,
 }
 
 /// Samples from one row of a window's distances to the next.
 pub fn distance_stride(radius: usize) -> usize {
-    (2 * radius + 1).next_multiple_of(BLOCK)
+    whole_blocks(2 * radius + 1)
+}
+
+/// `samples`, rounded up to what the inner loops take at once; a guide's rows have room for it.
+pub fn whole_blocks(samples: usize) -> usize {
+    samples.next_multiple_of(BLOCK)
 }
 
 impl Guide {
@@ -51,103 +58,88 @@ impl Guide {
             }
             out
         };
-        Self {
-            planes: planes.iter().map(|p| padded(p, -LARGEST_GUIDE, LARGEST_GUIDE)).collect(),
-            variances: variances.iter().map(|v| padded(v, 0.0, LARGEST_GUIDE * LARGEST_GUIDE)).collect(),
-            stride,
-            pad,
+        let planes = planes.iter().map(|p| padded(p, -LARGEST_GUIDE, LARGEST_GUIDE)).collect();
+        let variances: Vec<Vec<f32>> =
+            variances.iter().map(|v| padded(v, 0.0, LARGEST_GUIDE * LARGEST_GUIDE)).collect();
+        let mut noise = variances[0].clone();
+        for variance in &variances[1..] {
+            noise.iter_mut().zip(variance).for_each(|(sum, v)| *sum += v);
         }
+        Self { planes, variances, noise, stride, pad }
     }
 
-    /// Writes the distances from the patch at (`x`, `y`) to the patches of `other`, a guide of the same kind
-    /// (or this one), at all offsets of the window: `2·radius + 1` rows of [`distance_stride`]; offsets
-    /// outside the picture get a value as well.
+    /// Writes the differences of the pixel at column `x` and row `y` and all pixels of the window around it in
+    /// `other`, a guide of the same kind (or this one): `2·radius + 1` rows of [`distance_stride`]; pixels
+    /// outside the picture have a value as well.
     #[inline(always)]
-    pub fn distances(
-        &self,
-        other: &Self,
-        x: usize,
-        y: usize,
-        radius: usize,
-        patch_radius: usize,
-        out: &mut [f32],
-    ) {
-        let row = distance_stride(radius);
-        let patch = 2 * patch_radius + 1;
-        let inverse = 1.0 / (patch * patch) as f32;
-        let origin = |y: usize| y * self.stride + x + self.pad;
-        for (dy, out) in out.chunks_exact_mut(row).enumerate() {
+    pub fn differences(&self, other: &Self, [x, y]: [isize; 2], radius: usize, out: &mut [f32]) {
+        let at = |x: isize, y: isize| {
+            ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize) as usize
+        };
+        let (p, radius) = (at(x, y), radius as isize);
+        let rows = out.chunks_exact_mut(distance_stride(radius as usize));
+        for (out, y) in rows.zip(y - radius..) {
+            let row = at(x - radius, y);
             for (block, out) in out.chunks_exact_mut(BLOCK).enumerate() {
-                let mut sum = [0.0f32; BLOCK];
-                for py in 0..patch {
-                    let p = origin(y + self.pad + py - patch_radius) - patch_radius;
-                    let q = origin(y + self.pad + py + dy - patch_radius - radius) - patch_radius - radius;
-                    for px in 0..patch {
-                        self.add_differences(p + px, other, q + px + block * BLOCK, &mut sum);
+                let q = row + block * BLOCK;
+                let mut numerator = [0.0f32; BLOCK];
+                let here = self.planes.iter().zip(&self.variances);
+                for ((plane, variance), (planes, variances)) in
+                    here.zip(other.planes.iter().zip(&other.variances))
+                {
+                    let (up, vp) = (plane[p], variance[p]);
+                    let (uq, vq) = (&planes[q..q + BLOCK], &variances[q..q + BLOCK]);
+                    for i in 0..BLOCK {
+                        numerator[i] += excess((up, vp), (uq[i], vq[i]));
                     }
                 }
-                out.iter_mut().zip(sum).for_each(|(out, sum)| *out = sum * inverse);
+                let (noise, noises) = (self.noise[p], &other.noise[q..q + BLOCK]);
+                for i in 0..BLOCK {
+                    out[i] = difference(numerator[i], noise, noises[i]);
+                }
             }
-        }
-    }
-
-    /// Adds to `sum` the difference of the sample at `p` and each of those of `other` from `q` on.
-    #[inline(always)]
-    fn add_differences(&self, p: usize, other: &Self, q: usize, sum: &mut [f32; BLOCK]) {
-        let mut numerator = [0.0f32; BLOCK];
-        let mut scale = [DISTANCE_EPSILON; BLOCK];
-        let here = self.planes.iter().zip(&self.variances);
-        for ((plane, variance), (planes, variances)) in here.zip(other.planes.iter().zip(&other.variances)) {
-            let (up, vp) = (plane[p], variance[p]);
-            let (uq, vq) = (&planes[q..q + BLOCK], &variances[q..q + BLOCK]);
-            for i in 0..BLOCK {
-                let terms = terms((up, vp), (uq[i], vq[i]));
-                numerator[i] += terms.0;
-                scale[i] += terms.1;
-            }
-        }
-        for i in 0..BLOCK {
-            sum[i] += numerator[i] / scale[i];
         }
     }
 
     /// Writes the difference of pixel p and p + offset for p in row `y` from column −`margin` on, as many
-    /// as `out` holds.
+    /// as `out` holds: at least those of the row and its margins, and whole blocks (see [`whole_blocks`]).
     #[inline(always)]
     pub fn delta_row(&self, y: isize, [dx, dy]: [isize; 2], margin: usize, out: &mut [f32]) {
-        let at = |y: isize, dx: isize| {
-            let start =
-                (y + self.pad as isize) * self.stride as isize + self.pad as isize - margin as isize + dx;
-            start as usize..start as usize + out.len()
+        let at = |x: isize, y: isize| {
+            ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize - margin as isize)
+                as usize
         };
-        let (p, q) = (at(y, 0), at(y + dy, dx));
-        for (c, out) in out.chunks_mut(BLOCK).enumerate() {
-            let n = out.len();
-            let (mut numerator, mut scale) = ([0.0f32; BLOCK], [DISTANCE_EPSILON; BLOCK]);
+        let (p, q) = (at(0, y), at(dx, y + dy));
+        for (c, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
+            let cut = |from: usize| from + c * BLOCK..from + (c + 1) * BLOCK;
+            let mut numerator = [0.0f32; BLOCK];
             for (plane, variance) in self.planes.iter().zip(&self.variances) {
-                let cut =
-                    |range: &std::ops::Range<usize>| range.start + c * BLOCK..range.start + c * BLOCK + n;
-                let (up, uq) = (&plane[cut(&p)], &plane[cut(&q)]);
-                let (vp, vq) = (&variance[cut(&p)], &variance[cut(&q)]);
-                for i in 0..n {
-                    let terms = terms((up[i], vp[i]), (uq[i], vq[i]));
-                    numerator[i] += terms.0;
-                    scale[i] += terms.1;
+                let (up, uq) = (&plane[cut(p)], &plane[cut(q)]);
+                let (vp, vq) = (&variance[cut(p)], &variance[cut(q)]);
+                for i in 0..BLOCK {
+                    numerator[i] += excess((up[i], vp[i]), (uq[i], vq[i]));
                 }
             }
-            for i in 0..n {
-                out[i] = numerator[i] / scale[i];
+            let (np, nq) = (&self.noise[cut(p)], &self.noise[cut(q)]);
+            for i in 0..BLOCK {
+                out[i] = difference(numerator[i], np[i], nq[i]);
             }
         }
     }
 }
 
-/// What one channel of the pixels p and q, each a value and its variance, adds to the distance's
-/// numerator and denominator.
+/// What one channel of the pixels p and q, each a value and its variance, adds to the distance's numerator,
+/// but for V_p.
 #[inline(always)]
-fn terms((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> (f32, f32) {
+fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
     let difference = up - uq;
-    (difference * difference - (vp + vp.min(vq)), vp + vq)
+    difference * difference - vp.min(vq)
+}
+
+/// The pixels' difference, from the channels' excess and their summed variances Σ_c V_p and Σ_c V_q.
+#[inline(always)]
+fn difference(excess: f32, noise: f32, other: f32) -> f32 {
+    (excess - noise) / (DISTANCE_EPSILON + noise + other)
 }
 
 /// w = exp(−max(0, Δ²)/k²), 0 where that is under the threshold.
@@ -190,33 +182,15 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_is_that_of_the_formula_and_forgives_noise() {
-        let u = Plane::from_fn(7, 5, |x, y| (x * x + 3 * y) as f32);
-        let v = Plane::from_fn(7, 5, |x, _| 0.5 + x as f32);
-        let guide = Guide::new(std::slice::from_ref(&u), std::slice::from_ref(&v), 2, 1);
-        let row = distance_stride(2);
-        let mut out = vec![0.0; 5 * row];
-        guide.distances(&guide, 3, 2, 2, 1, &mut out);
-        assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
-        let mut expected = 0.0;
-        for (py, px) in (0..3).flat_map(|y| (0..3).map(move |x| (y, x))) {
-            let (p, q) = ((2 + px, 1 + py), (1 + px, 2 + py)); // offset (−1, +1)
-            let (up, uq, vp, vq) = (u.get(p.0, p.1), u.get(q.0, q.1), v.get(p.0, p.1), v.get(q.0, q.1));
-            expected += ((up - uq).powi(2) - (vp + vp.min(vq))) / (1e-10 + vp + vq) / 9.0;
-        }
-        assert!((out[3 * row + 1] - expected).abs() < 1e-5 * expected.abs());
-    }
-
-    #[test]
     fn rows_of_differences_agree_with_single_distances() {
         let u = Plane::from_fn(21, 5, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::filled(21, 5, 0.3);
         let guide = Guide::new(&[u], &[v], 2, 0);
-        let mut row = vec![0.0; 21];
+        let mut row = vec![0.0; whole_blocks(21)];
         guide.delta_row(2, [1, -2], 0, &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];
-        for (x, &expected) in row.iter().enumerate() {
-            guide.distances(&guide, x, 2, 2, 0, &mut out);
+        for (x, &expected) in row[..21].iter().enumerate() {
+            guide.differences(&guide, [x as isize, 2], 2, &mut out);
             assert_eq!(out[3], expected);
         }
     }

@@ -48,4 +48,18 @@ impl Window {
             out.iter_mut().zip(row).for_each(|(out, value)| *out = value - shift);
         }
     }
+
+    /// The least value of `plane` in the window.
+    pub fn least(&self, plane: &Plane) -> f32 {
+        let mut least = [f32::INFINITY; LANES];
+        for y in self.y0..self.y0 + self.height {
+            let row = &plane.row(y)[self.x0..self.x0 + self.width];
+            for values in row.chunks(LANES) {
+                for (least, value) in least.iter_mut().zip(values) {
+                    *least = least.min(*value);
+                }
+            }
+        }
+        least.into_iter().fold(f32::INFINITY, f32::min)
+    }
 }

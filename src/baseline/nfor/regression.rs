@@ -207,8 +207,9 @@ impl<'a> Solver<'a> {
         weigh(&self.distances, bandwidth, 0.0, &mut self.weights);
         self.silence.clear();
         self.silence.resize(stride, 0.0);
+        let total = condition::total(&self.weights);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights);
+            let mean = condition::centre(column, &self.weights, total);
             if j < p {
                 condition::level(column, &self.weights);
             } else {

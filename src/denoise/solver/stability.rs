@@ -129,7 +129,8 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     };
     let window = Window::new(case.center.0, case.center.1, radius, case.color[0].size());
     let mut solver = Solver::new(&problem);
-    let scale = solver.prepare(&window, KERNEL, None);
+    solver.weigh(&window, KERNEL, None);
+    let scale = solver.prepare(&window, None);
     let exact = Exact::new(case, &window, &solver, scale);
     let mut outcome = Outcome {
         pixels: exact.pixels.len(),

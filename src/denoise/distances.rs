@@ -1,0 +1,194 @@
+//! Patch distances of windows; what neighbouring centres share is computed once.
+//!
+//! The distance of two patches is the mean of their pixels' differences, and the difference of p and
+//! p + offset is part of it for every centre whose patch holds p: nine of them where patches are 3×3. So the
+//! differences of a pixel and all of its window are kept until the centres have moved on.
+
+use super::weights::{BLOCK, Guide, distance_stride};
+use crate::options::MAX_PATCH_RADIUS;
+
+/// Pixels of a row whose differences are kept: a tile of centres and the largest patches around it.
+const COLUMNS: usize = 40;
+
+/// Pixels of the largest patch.
+const LARGEST_PATCH: usize = (2 * MAX_PATCH_RADIUS + 1).pow(2);
+
+/// What is compared: how large patches, and of which of the guides.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Kind {
+    /// Radius of the patches.
+    pub patch_radius: usize,
+    /// Colour over albedo instead of colour.
+    pub demodulated: bool,
+}
+
+/// The distances of one window at a time, in one frame and those beside it; buffers of one thread, for
+/// guides that stay the same.
+#[derive(Debug, Clone)]
+pub struct Distances {
+    radius: usize,
+    frames: usize,
+    kept: Vec<Kept>,
+    /// What `distances` are of.
+    held: Option<(Kind, [usize; 2])>,
+    distances: Vec<f32>,
+}
+
+/// The differences of some pixels and those of the windows around them, for one kind of patches.
+#[derive(Debug, Clone)]
+struct Kept {
+    kind: Kind,
+    /// Whose differences each place holds.
+    pixels: Vec<Option<[isize; 2]>>,
+    /// Those of one pixel behind those of another.
+    differences: Vec<f32>,
+}
+
+impl Distances {
+    /// For windows of `radius` in `frames` frames.
+    pub fn new(radius: usize, frames: usize) -> Self {
+        let length = frames * square(radius);
+        Self { radius, frames, kept: vec![], held: None, distances: vec![0.0; length] }
+    }
+
+    /// The distances from the patch at `centre`, column and row, in the first of the `guides` to the patches at
+    /// all offsets of the window in each of them: frame by frame, 2·radius + 1 rows of [`distance_stride`].
+    /// Offsets outside the picture have a value as well.
+    #[inline(always)]
+    pub fn of<'g>(
+        &mut self,
+        kind: Kind,
+        centre: [usize; 2],
+        guides: impl Iterator<Item = &'g Guide> + Clone,
+    ) -> &[f32] {
+        if self.held != Some((kind, centre)) {
+            self.compare(kind, centre.map(|at| at as isize), guides);
+            self.held = Some((kind, centre));
+        }
+        &self.distances
+    }
+
+    #[inline(always)]
+    fn compare<'g>(
+        &mut self,
+        kind: Kind,
+        [x, y]: [isize; 2],
+        guides: impl Iterator<Item = &'g Guide> + Clone,
+    ) {
+        let place = self.kept.iter().position(|kept| kept.kind == kind).unwrap_or_else(|| {
+            self.kept.push(Kept::new(kind, self.frames * square(self.radius)));
+            self.kept.len() - 1
+        });
+        let kept = &mut self.kept[place];
+        let (reach, length) = (kind.patch_radius as isize, self.distances.len());
+        let (mut patch, mut pixels) = ([0; LARGEST_PATCH], 0);
+        for py in -reach..=reach {
+            for px in -reach..=reach {
+                patch[pixels] = length * kept.see([x + px, y + py], self.radius, guides.clone());
+                pixels += 1;
+            }
+        }
+        let (patch, inverse) = (&patch[..pixels], 1.0 / pixels as f32);
+        for (block, out) in self.distances.chunks_exact_mut(BLOCK).enumerate() {
+            let mut sum = [0.0f32; BLOCK];
+            for from in patch {
+                let from = from + block * BLOCK;
+                let differences = &kept.differences[from..from + BLOCK];
+                for i in 0..BLOCK {
+                    sum[i] += differences[i];
+                }
+            }
+            out.iter_mut().zip(sum).for_each(|(out, sum)| *out = sum * inverse);
+        }
+    }
+}
+
+impl Kept {
+    fn new(kind: Kind, length: usize) -> Self {
+        let places = (2 * kind.patch_radius + 1) * COLUMNS;
+        Self { kind, pixels: vec![None; places], differences: vec![0.0; places * length] }
+    }
+
+    /// Where the differences of a pixel belong: those of another row or tile give way.
+    #[inline(always)]
+    fn place(&self, [x, y]: [isize; 2]) -> usize {
+        let rows = 2 * self.kind.patch_radius + 1;
+        // Outside the picture by no more than the patch's radius, so that this is not negative.
+        let [column, row] = [x, y].map(|at| (at + self.kind.patch_radius as isize) as usize);
+        row % rows * COLUMNS + column % COLUMNS
+    }
+
+    /// Sees to it that the differences of `pixel` are there, and tells at which place.
+    #[inline(always)]
+    fn see<'g>(
+        &mut self,
+        pixel: [isize; 2],
+        radius: usize,
+        guides: impl Iterator<Item = &'g Guide> + Clone,
+    ) -> usize {
+        let place = self.place(pixel);
+        let Some(here) = guides.clone().next().filter(|_| self.pixels[place] != Some(pixel)) else {
+            return place;
+        };
+        let length = self.differences.len() / self.pixels.len();
+        let out = &mut self.differences[place * length..(place + 1) * length];
+        for (guide, out) in guides.zip(out.chunks_exact_mut(square(radius))) {
+            here.differences(guide, pixel, radius, out);
+        }
+        self.pixels[place] = Some(pixel);
+        place
+    }
+}
+
+/// Numbers of one frame's window.
+pub fn square(radius: usize) -> usize {
+    (2 * radius + 1) * distance_stride(radius)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Plane;
+
+    const COLOR: Kind = Kind { patch_radius: 1, demodulated: false };
+
+    fn guide(shift: usize) -> Guide {
+        let u = Plane::from_fn(57, 9, |x, y| ((x * 7 + y * 13 + shift) % 11) as f32);
+        let v = Plane::from_fn(57, 9, |x, _| 0.5 + x as f32);
+        Guide::new(&[u], &[v], 2, 1)
+    }
+
+    #[test]
+    fn the_distance_is_that_of_the_formula_and_forgives_noise() {
+        let u = Plane::from_fn(7, 5, |x, y| (x * x + 3 * y) as f32);
+        let v = Plane::from_fn(7, 5, |x, _| 0.5 + x as f32);
+        let guide = Guide::new(std::slice::from_ref(&u), std::slice::from_ref(&v), 2, 1);
+        let row = distance_stride(2);
+        let mut distances = Distances::new(2, 1);
+        let out = distances.of(COLOR, [3, 2], std::iter::once(&guide));
+        assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
+        let mut expected = 0.0;
+        for (py, px) in (0..3).flat_map(|y| (0..3).map(move |x| (y, x))) {
+            let (p, q) = ((2 + px, 1 + py), (1 + px, 2 + py)); // offset (−1, +1)
+            let (up, uq, vp, vq) = (u.get(p.0, p.1), u.get(q.0, q.1), v.get(p.0, p.1), v.get(q.0, q.1));
+            expected += ((up - uq).powi(2) - (vp + vp.min(vq))) / (1e-10 + vp + vq) / 9.0;
+        }
+        assert!((out[3 * row + 1] - expected).abs() < 1e-5 * expected.abs());
+    }
+
+    #[test]
+    fn what_is_kept_changes_nothing() {
+        let (here, beside) = (guide(0), guide(5));
+        let guides = || [&here, &beside].into_iter();
+        let other = Kind { patch_radius: 0, demodulated: true };
+        let mut kept = Distances::new(2, 2);
+        // Along rows, farther than what is kept, to and fro, two kinds in turn.
+        let centres = (0..9).flat_map(|y| (0..57).map(move |x| [x, y])).filter(|[x, y]| (x + y) % 5 < 3);
+        for centre in centres.chain([[0, 0], [40, 0], [0, 0], [0, 3], [56, 8]]) {
+            for kind in [COLOR, other] {
+                let fresh = Distances::new(2, 2).of(kind, centre, guides()).to_vec();
+                assert_eq!(kept.of(kind, centre, guides()), fresh, "{centre:?}");
+            }
+        }
+    }
+}
