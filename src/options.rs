@@ -101,8 +101,8 @@ pub struct OutlierOptions {
     pub radius: usize,
     /// Standard deviations of the neighbours by which an outlier sticks out.
     pub deviations: f32,
-    /// Radius of the window Ω_o that the energy is given back to, 0 to 31.
-    pub energy_radius: usize,
+    /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
+    pub witnesses: f32,
 }
 
 /// Options of the feature prefilter (NLM, Rousselle, Knaus, Zwicker 2012).
@@ -121,7 +121,7 @@ pub struct PrefilterOptions {
 
 impl Default for OutlierOptions {
     fn default() -> Self {
-        Self { enabled: true, radius: 1, deviations: 20.0, energy_radius: 31 }
+        Self { enabled: true, radius: 1, deviations: 20.0, witnesses: 48.0 }
     }
 }
 
@@ -174,7 +174,7 @@ impl Options {
             taper_power: 0.0,
             coarse: false,
             restore: false,
-            outliers: OutlierOptions { deviations: 3.0, ..OutlierOptions::default() },
+            outliers: OutlierOptions { deviations: 3.0, witnesses: 1.0, ..OutlierOptions::default() },
             ..Self::default()
         }
     }
@@ -244,8 +244,8 @@ impl Options {
         }
         range("variance_radius", self.variance_radius, 0, 15)?;
         range("outliers.radius", self.outliers.radius, 1, 3)?;
-        range("outliers.energy_radius", self.outliers.energy_radius, 0, 31)?;
         number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;
+        number("outliers.witnesses", self.outliers.witnesses, 1.0, 1e6)?;
         range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
         range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
         number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 1e6)?;

@@ -140,7 +140,7 @@ fn small() -> Options {
         window_radius: 2,
         center_spacing: 3,
         stages: vec![vec![kernel(false)], vec![kernel(true)]],
-        outliers: OutlierOptions { energy_radius: 5, ..OutlierOptions::default() },
+        outliers: OutlierOptions { witnesses: 4.0, ..OutlierOptions::default() },
         prefilter: PrefilterOptions { window_radius: 2, ..PrefilterOptions::default() },
         ..Options::default()
     }
@@ -171,8 +171,15 @@ fn crop(frame: &Frame, rect: Rect) -> Frame {
 
 /// `wanted` alone, from no more of the picture than its part reads.
 fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
-    let part = Part::new(wanted, (frame.width(), frame.height()), options);
-    denoise_part(&crop(frame, part.read), &part, &Facts::of(frame), options, &Silent).unwrap()
+    let size = (frame.width(), frame.height());
+    let mut facts = Facts::of(frame);
+    for y in (0..size.1).step_by(50) {
+        let rows = Rect { x: 0, y, width: size.0, height: 50.min(size.1 - y) };
+        let part = Part::of_outliers(rows, size, options);
+        facts.add_outliers(&crop(frame, part.read), &part, options).unwrap();
+    }
+    let part = Part::new(wanted, size, options);
+    denoise_part(&crop(frame, part.read), &part, &facts, options, &Silent).unwrap()
 }
 
 fn planes(denoised: &Denoised) -> impl Iterator<Item = &Plane> {
@@ -249,6 +256,15 @@ fn so_it_is_with_every_preset() {
         let wanted = Rect { x: 371, y: 5, width: 29, height: 13 };
         assert_same_bits(&alone(&frame, wanted, &options), &whole, wanted);
     }
+}
+
+#[test]
+fn a_part_of_a_picture_whose_outliers_nobody_looked_for_is_refused() {
+    let frame = Frame::new(Random(3).rgb((400, 8), |x, _| x as f32, 0.5)).unwrap();
+    let part = Part::new(Rect { x: 0, y: 0, width: 8, height: 8 }, (400, 8), &small());
+    let cut = crop(&frame, part.read);
+    let error = denoise_part(&cut, &part, &Facts::of(&frame), &small(), &Silent).unwrap_err();
+    assert!(error.to_string().contains("Facts::add_outliers"), "{error}");
 }
 
 #[test]

@@ -46,6 +46,9 @@ fn write_regions(
     let mut facts = Facts::default();
     let mut survey = Survey::open(input, read, |rows| facts.add(rows)).unwrap();
     survey.sign("quick");
+    let (width, height) = survey.size();
+    let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick());
+    facts.add_outliers(&survey.read(part.read).unwrap(), &part, &quick()).unwrap();
     let write = |(i, region): (usize, &Rect)| {
         let part = Part::new(*region, survey.size(), &quick());
         let frame = survey.read(part.read).unwrap();
@@ -205,7 +208,7 @@ fn a_bound_of_memory_changes_no_bit_and_is_kept() {
     let encoding = scan_lines(Compression::ZIP16);
     write_one(Path::new(&input), layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names)));
     let run = |output: &str, more: &[&str]| {
-        let files = [&input[..], output, "--aux", "--set", "outliers.energy_radius=3"];
+        let files = [&input[..], output, "--aux", "--set", "outliers.witnesses=4"];
         program(&[&files, &QUICK[..], more].concat())
     };
     assert!(run(&whole, &[]).status.success());

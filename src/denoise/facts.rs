@@ -2,8 +2,10 @@
 //!
 //! All else that the stages do looks a bounded distance around a pixel (see [`super::part`]). These few
 //! questions are asked of every pixel once, so that they can be answered row by row while a file is read.
-//! Only good values are asked: what the first stage repairs is a mean of those, or black.
+//! Only good values are asked: what the first stage repairs is a mean of those, or black. What depends on the
+//! answers, the energy of the outliers, is had by going through the rows a second time.
 
+use super::energy::Energy;
 use super::exposure::Light;
 use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
 use super::variance::half_difference_squared;
@@ -20,6 +22,7 @@ pub struct Facts {
     /// For each AOV and channel whether it is a number anywhere.
     aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
+    pub(super) energy: Option<Energy>,
 }
 
 /// What is known of a feature.
@@ -100,7 +103,7 @@ fn any_noisy(statistic: Option<&[Noise]>, known: &[bool]) -> bool {
 }
 
 impl Facts {
-    /// Of a whole picture.
+    /// Of a whole picture; its outliers are not looked for.
     pub fn of(frame: &Frame) -> Self {
         let mut facts = Self::default();
         facts.add(frame);

@@ -4,6 +4,7 @@ mod basis;
 mod coarse;
 pub(crate) mod condition;
 mod distances;
+mod energy;
 pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;
@@ -26,10 +27,11 @@ mod warp;
 pub(crate) mod weights;
 pub(crate) mod window;
 
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
+use energy::Energy;
 use facts::Known;
 use outlier::Outlier;
 use reconstruct::Area;
@@ -132,7 +134,7 @@ fn run(
 ) -> Result<Denoised> {
     options.check()?;
     part.check(frame)?;
-    let (wanted, size) = (part.within(), part.read.size());
+    let wanted = part.within();
     let mut summary = Summary { method: "apr", ..Summary::default() };
 
     if !facts.has_noise() {
@@ -155,7 +157,9 @@ fn run(
         prepare(other, facts, &known, options, wanted, &Silent, &mut Summary::default())
     };
     let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
-    let Ready { clean, variance, smoothed, outliers, taken, design, albedo } = ready;
+    let gains = options.outliers.enabled.then(|| energy(facts, &ready, part)).transpose()?;
+    let gains = gains.map(|energy| energy.gains(options.outliers.witnesses));
+    let Ready { clean, variance, smoothed, design, albedo, .. } = ready;
     let signal = Signal {
         targets: targets(&clean).map(Cow::Borrowed).collect(),
         variance,
@@ -163,8 +167,7 @@ fn run(
         features: design.into_iter().map(|column| column.plane).collect(),
         albedo,
     };
-    let restored = outlier::witnesses(&outliers, wanted, options.outliers.energy_radius, size);
-    let [areas, coarse_areas] = areas(part, restored, options);
+    let [areas, coarse_areas] = areas(part, options);
 
     let coarse = options.coarse.then(|| {
         observer.stage(Stage::Coarse);
@@ -188,9 +191,11 @@ fn run(
     if options.restore {
         restore_lost(&mut result, &clean, &signal.smoothed);
     }
-    let beauty = result.color();
-    for (t, (plane, taken)) in result.targets.iter_mut().zip(&taken).enumerate() {
-        outlier::give_back(plane, &beauty[t % 3], &outliers, taken, options.outliers.energy_radius);
+    if let Some(gains) = gains {
+        let beauty = result.color();
+        for (t, plane) in result.targets.iter_mut().enumerate() {
+            gains.give_back(plane, &beauty[t % 3], t, part.origin());
+        }
     }
     result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
@@ -220,21 +225,29 @@ struct Design {
     plane: Plane,
 }
 
-/// All stages before the fits.
-fn prepare(
+/// A frame without what is broken and without outliers, exposed.
+struct Repaired {
+    clean: Clean,
+    variance: Rgb,
+    outliers: Vec<Outlier>,
+    taken: Vec<Vec<f32>>,
+}
+
+/// The stages that look at single pixels.
+fn repair(
     frame: &Frame,
-    facts: &Facts,
+    exposure: f32,
     known: &Known,
     options: &Options,
     wanted: Rect,
     observer: &dyn Observer,
     summary: &mut Summary,
-) -> Ready {
+) -> Repaired {
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
     let mut clean = sanitize::apply(frame, known, wanted, summary);
     let mut variance = variance::of_mean(&clean, summary);
-    expose(&mut clean, &mut variance, facts.exposure());
+    expose(&mut clean, &mut variance, exposure);
 
     // Outliers go, their energy is kept (Moon et al. 2016).
     observer.stage(Stage::Outliers);
@@ -245,17 +258,66 @@ fn prepare(
     };
     variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
     let taken = targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
+    Repaired { clean, variance, outliers, taken }
+}
 
+impl Facts {
+    /// Adds the energy of the outliers of the next rows, `part.wanted` in their full width, of a picture all of
+    /// whose rows were [added](Self::add) before; `frame` holds what [`Part::of_outliers`] has read.
+    ///
+    /// # Errors
+    /// When an option is out of its range, or the frame is not of the part's size.
+    pub fn add_outliers(&mut self, frame: &Frame, part: &Part, options: &Options) -> Result<()> {
+        options.check()?;
+        part.check(frame)?;
+        let (known, nothing) = (self.known(), &mut Summary::default());
+        let Repaired { clean, outliers, taken, .. } =
+            repair(frame, self.exposure(), &known, options, part.within(), &Silent, nothing);
+        let energy = self.energy.get_or_insert_default();
+        energy.add(&clean.color, &outliers, &taken, part.within(), part.wanted.y);
+        Ok(())
+    }
+}
+
+/// The energy of the picture's outliers, of which a whole picture needs no facts.
+fn energy<'a>(facts: &'a Facts, ready: &Ready, part: &Part) -> Result<Cow<'a, Energy>> {
+    if let Some(energy) = &facts.energy {
+        return Ok(Cow::Borrowed(energy));
+    }
+    if part.wanted != part.read {
+        let what = "the outliers of the picture around the part are not known";
+        return Err(Error::new(ErrorKind::Usage, what).remedy("give all rows to Facts::add_outliers first"));
+    }
+    let mut energy = Energy::default();
+    energy.add(&ready.clean.color, &ready.outliers, &ready.taken, part.within(), part.wanted.y);
+    Ok(Cow::Owned(energy))
+}
+
+/// All stages before the fits.
+fn prepare(
+    frame: &Frame,
+    facts: &Facts,
+    known: &Known,
+    options: &Options,
+    wanted: Rect,
+    observer: &dyn Observer,
+    summary: &mut Summary,
+) -> Ready {
+    let Repaired { clean, variance, outliers, taken } =
+        repair(frame, facts.exposure(), known, options, wanted, observer, summary);
     observer.stage(Stage::Prefilter);
     let (design, albedo) = design_features(&clean, facts, known, options, summary);
     let smoothed = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
     Ready { clean, variance, smoothed, outliers, taken, design, albedo }
 }
 
-/// Where every stage works so that what is restored is right on `restored`, in the picture and in its blocks.
-fn areas(part: &Part, restored: Rect, options: &Options) -> [Vec<Area>; 2] {
+/// Where every stage works so that the part is right, in the picture and in its blocks.
+fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
     let (size, radius, stages) = (part.read.size(), options.window_radius, options.stages.len());
-    let mut wanted = if options.restore { restored.grown(restore::REACH, size) } else { restored };
+    let mut wanted = part.within();
+    if options.restore {
+        wanted = wanted.grown(restore::REACH, size);
+    }
     if options.coarse {
         wanted = wanted.grown(coarse::REACH, size);
     }

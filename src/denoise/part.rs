@@ -5,7 +5,6 @@
 //!
 //! | what | looks | why |
 //! |---|---|---|
-//! | outliers' energy | 2g | an outlier within g gives, by shares of its window, g around it |
 //! | restored detail and light | 2 + 1 + 4 | three means, one of the other |
 //! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
@@ -32,13 +31,12 @@ pub fn halo(options: &Options) -> usize {
 /// How far around a pixel the stages look.
 fn reach(options: &Options) -> usize {
     let Options { outliers, prefilter, .. } = options;
-    let energy = if outliers.enabled { 2 * outliers.energy_radius } else { 0 };
     let restored = if options.restore { restore::REACH } else { 0 };
     let fits = options.stages.len() * reconstruct::reach(options.window_radius) + options.largest_patch();
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
-    let witnesses = if outliers.enabled { outliers.radius } else { 0 };
+    let replaced = if outliers.enabled { outliers.radius } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);
-    let noise = witnesses + variance::REACH;
+    let noise = replaced + variance::REACH;
     let fine = fits + feature.max(smoothing + noise);
     let fitted = if options.coarse {
         // A block's border may lie a pixel beyond.
@@ -46,7 +44,7 @@ fn reach(options: &Options) -> usize {
     } else {
         fine
     };
-    energy + restored + fitted + sanitize::REACH
+    restored + fitted + sanitize::REACH
 }
 
 /// A part of a picture that is denoised alone, and what must be read for it.
@@ -68,6 +66,13 @@ impl Part {
     pub fn new(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
         let read = wanted.grown(reach(options), size);
         Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } }
+    }
+
+    /// What must be read of a picture of `size` to find the outliers of its pixels `wanted` (see
+    /// [`Facts::add_outliers`](super::Facts::add_outliers)).
+    pub fn of_outliers(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
+        let reach = sanitize::REACH + variance::REACH + options.outliers.radius;
+        Self { wanted, read: wanted.grown(reach, size) }
     }
 
     /// The column and row of the frame's first pixel.

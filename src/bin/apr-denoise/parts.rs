@@ -19,6 +19,9 @@ use crate::shot::Shot;
 /// Fewest rows of a band: less would be nearly nothing but halo.
 const LEAST_ROWS: usize = 32;
 
+/// Rows that outliers are looked for in at once.
+const OUTLIER_ROWS: usize = 64;
+
 /// What the program holds besides planes: its code, blocks of files on their way, what the allocator keeps.
 const FIXED_BYTES: usize = 350 << 20;
 
@@ -185,6 +188,14 @@ impl Surveyed {
             ..target
         });
         let parts = bands.map(|band| Part::new(band, survey.size(), options)).collect();
+        if options.outliers.enabled && facts.has_noise() {
+            let (width, height) = survey.size();
+            for y in (0..height).step_by(OUTLIER_ROWS) {
+                let rows = Rect { x: 0, y, width, height: OUTLIER_ROWS.min(height - y) };
+                let part = Part::of_outliers(rows, survey.size(), options);
+                facts.add_outliers(&survey.read(part.read)?, &part, options)?;
+            }
+        }
         Ok(Self { survey, facts, target, parts })
     }
 
