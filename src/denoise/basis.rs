@@ -92,7 +92,7 @@ mod tests {
         let basis = Basis::new(2, 1, 2);
         assert_eq!((basis.columns(), basis.columns_up_to(0)), (7, 2));
         let mut samples = Samples::default();
-        samples.add_frame(&window, 2, 6, &[1.0; 12]);
+        samples.add_frame(&window, 2, 6, &[0.0; 40], 1.0, None);
         let stride = samples.stride();
         let mut out = vec![0.0; basis.columns() * stride];
         basis.fill(&samples, 0, std::slice::from_ref(&feature), |_| feature.get(1, 3), &mut out);

@@ -15,27 +15,58 @@ const LARGEST_SCALE: f32 = (1u64 << 60) as f32;
 /// 1e-6 of the values: near enough, for it is the very number returned that has been taken out.
 #[inline(always)]
 pub fn centre(column: &mut [f32], weights: &[f32], total: f32) -> f32 {
+    let mean = if total > 0.0 { weighted_sum(column, weights) / total } else { 0.0 };
+    column.iter_mut().for_each(|x| *x -= mean);
+    mean
+}
+
+/// Σ w x, lane by lane.
+#[inline(always)]
+pub fn weighted_sum(column: &[f32], weights: &[f32]) -> f32 {
     let mut sums = [0.0f32; LANES];
     for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
         for lane in 0..LANES {
             sums[lane] += w[lane] * x[lane];
         }
     }
-    let mean = if total > 0.0 { sums.iter().sum::<f32>() / total } else { 0.0 };
-    column.iter_mut().for_each(|x| *x -= mean);
-    mean
+    sums.iter().sum()
 }
 
-/// The sum of `weights`, lane by lane.
+/// Σ w, lane by lane.
 #[inline(always)]
 pub fn total(weights: &[f32]) -> f32 {
-    let mut totals = [0.0f32; LANES];
+    let mut sums = [0.0f32; LANES];
     for w in weights.chunks_exact(LANES) {
         for lane in 0..LANES {
-            totals[lane] += w[lane];
+            sums[lane] += w[lane];
         }
     }
-    totals.iter().sum()
+    sums.iter().sum()
+}
+
+/// Σ w x², lane by lane in `f64`: what explains nearly all of it is subtracted from it.
+#[inline(always)]
+pub fn energy(column: &[f32], weights: &[f32]) -> f64 {
+    let mut sums = [0.0f64; LANES];
+    for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
+        for lane in 0..LANES {
+            sums[lane] += f64::from(x[lane]).powi(2) * f64::from(w[lane]);
+        }
+    }
+    sums.iter().sum()
+}
+
+/// The largest magnitude in `column`.
+#[inline(always)]
+pub fn largest(column: &[f32]) -> f32 {
+    let mut largest = [0.0f32; LANES];
+    for x in column.chunks_exact(LANES) {
+        for lane in 0..LANES {
+            let value = x[lane].abs();
+            largest[lane] = if value > largest[lane] { value } else { largest[lane] };
+        }
+    }
+    largest.into_iter().fold(0.0, f32::max)
 }
 
 /// Multiplies `column` by the power of two that brings the largest value of any weight to about 1.
@@ -45,7 +76,7 @@ pub fn level(column: &mut [f32], weights: &[f32]) {
     for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
         for lane in 0..LANES {
             let value = if w[lane] > 0.0 { x[lane].abs() } else { 0.0 };
-            largest[lane] = largest[lane].max(value);
+            largest[lane] = if value > largest[lane] { value } else { largest[lane] };
         }
     }
     let scale = power_of_two_near_inverse(largest.into_iter().fold(0.0, f32::max)).min(LARGEST_SCALE);

@@ -17,10 +17,10 @@ use pulp::{Arch, Simd, WithSimd};
 /// vector (AVX-512) holds 16.
 pub const LANES: usize = 16;
 
-/// The most products that a lane adds one behind the other; longer sums are made of such parts. Eight lanes
-/// need no second part for a window of 15×15. Where there are fewer, one sum over the whole window rounds
-/// twice as much, and ξ of a picture whose noise is 1e-4 of its light was off by 2e-3.
-const CHAIN: usize = 32;
+/// The most products that a lane adds one behind the other; longer sums are made of such parts. One sum over a
+/// window of 15×15 rounds more, and ξ of a picture whose noise is 1e-4 of its light was off by 2e-3, in four
+/// lanes and, by the weights' last digits, in eight.
+const CHAIN: usize = 16;
 
 /// The columns of one window: `p` design columns, then `r` right-hand sides, each `stride` long.
 #[derive(Debug, Clone, Copy)]

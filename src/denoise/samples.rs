@@ -4,6 +4,7 @@
 //! left, and where the centre resembles nothing but itself nearly nothing is left to do.
 
 use super::gram::LANES;
+use super::weights;
 use super::window::Window;
 use crate::image::Plane;
 use std::ops::Range;
@@ -13,6 +14,8 @@ use std::ops::Range;
 pub struct Samples {
     /// K of every sample, then zeros up to a whole number of vectors.
     kernel: Vec<f32>,
+    /// Of the frame at hand, before they become weights.
+    distances: Vec<f32>,
     /// Where each lies in the planes.
     places: Vec<usize>,
     /// Column and row of each in an unclipped window.
@@ -32,32 +35,50 @@ impl Samples {
         self.ends.clear();
     }
 
-    /// Adds the samples of the next frame: `kernels` are K of the window's pixels, row by row, in a picture of
-    /// `columns`; the radius is that of unclipped windows.
+    /// Adds the samples of the next frame: the pixels of the window whose `distances` have a weight at the
+    /// `bandwidth`, in a picture of `columns`; K is multiplied by their `trust`. The radius is that of unclipped
+    /// windows, of which `distances` holds all rows (see [`weights::distance_stride`]).
     #[inline(always)]
-    pub fn add_frame(&mut self, window: &Window, radius: usize, columns: usize, kernels: &[f32]) {
-        let start = self.ends.last().copied().unwrap_or(0);
-        let most = start + window.pixels();
-        self.kernel.resize(most, 0.0);
-        self.places.resize(most, 0);
-        self.spots.resize(most, [0; 2]);
+    pub fn add_frame(
+        &mut self,
+        window: &Window,
+        radius: usize,
+        columns: usize,
+        distances: &[f32],
+        bandwidth: f32,
+        trust: Option<&Plane>,
+    ) {
+        let start = self.places.len();
         let (first_x, first_y) = window.offset(radius);
-        let mut next = start;
-        for (row, kernels) in kernels.chunks_exact(window.width).take(window.height).enumerate() {
-            for (column, &kernel) in kernels.iter().enumerate() {
-                // Written in any case and kept where it has weight: no branch to be mispredicted.
-                self.kernel[next] = kernel;
-                self.places[next] = (window.y0 + row) * columns + window.x0 + column;
-                self.spots[next] = [(first_x + column) as u8, (first_y + row) as u8];
-                next += usize::from(kernel > 0.0);
+        let inside = ((1u32 << window.width) - 1) << first_x;
+        self.distances.clear();
+        let rows = distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
+        for (row, distances) in rows.take(window.height).enumerate() {
+            let mut near = weights::near(distances, bandwidth) & inside;
+            while near != 0 {
+                let column = near.trailing_zeros() as usize;
+                near &= near - 1;
+                let place = (window.y0 + row) * columns + window.x0 + column - first_x;
+                if trust.is_some_and(|trust| trust.data()[place] <= 0.0) {
+                    continue;
+                }
+                self.distances.push(distances[column]);
+                self.places.push(place);
+                self.spots.push([column as u8, (first_y + row) as u8]);
             }
         }
-        self.ends.push(next);
-        self.kernel.truncate(next);
-        self.kernel.resize(next.next_multiple_of(LANES), 0.0);
+        self.kernel.truncate(start);
+        self.kernel.resize(self.places.len(), 0.0);
+        weights::kernel(&self.distances, bandwidth, &mut self.kernel[start..]);
+        if let Some(trust) = trust {
+            let places = self.places[start..].iter();
+            self.kernel[start..].iter_mut().zip(places).for_each(|(k, &place)| *k *= trust.data()[place]);
+        }
+        self.kernel.resize(self.places.len().next_multiple_of(LANES), 0.0);
+        self.ends.push(self.places.len());
         if self.ends.len() == 1 {
             let middle = [radius as u8; 2];
-            self.centre = self.spots[..next].iter().position(|spot| *spot == middle).unwrap_or(0);
+            self.centre = self.spots.iter().position(|spot| *spot == middle).unwrap_or(0);
         }
     }
 
@@ -107,13 +128,21 @@ mod tests {
     fn what_has_weight_is_kept_in_its_place() {
         let plane = Plane::from_fn(6, 4, |x, y| (x + 10 * y) as f32);
         let window = Window::new(0, 3, 1, (6, 4)); // columns 0..2, rows 2..4
+        // Of an unclipped window: 3 rows of 8, of which the columns 1 and 2 and the rows 0 and 1 are inside.
+        let distances = |of: [f32; 4]| {
+            let mut all = [0.0; 24];
+            [1, 2, 9, 10].into_iter().zip(of).for_each(|(at, distance)| all[at] = distance);
+            all
+        };
+        let trust = Plane::from_fn(6, 4, |x, y| if (x, y) == (0, 2) { 0.25 } else { 0.0 });
         let mut samples = Samples::default();
         for round in 0..2 {
             samples.clear();
-            samples.add_frame(&window, 1, 6, &[0.0, 0.5, 1.0, 0.0]);
-            samples.add_frame(&window, 1, 6, &[0.25, 0.0, 0.0, 0.0]);
+            samples.add_frame(&window, 1, 6, &distances([9.0, 0.5, 0.0, 9.0]), 1.0, None);
+            samples.add_frame(&window, 1, 6, &distances([0.0, 9.0, 9.0, 0.0]), 1.0, Some(&trust));
             assert_eq!(samples.stride(), LANES, "round {round}");
-            assert_eq!(samples.kernel()[..4], [0.5, 1.0, 0.25, 0.0]);
+            let kernel = [(-0.5f32).exp(), 1.0, 0.25, 0.0];
+            samples.kernel()[..4].iter().zip(kernel).for_each(|(k, exact)| assert!((k - exact).abs() < 1e-6));
             assert_eq!((samples.of_frame(0), samples.of_frame(1)), (0..2, 2..3));
             assert_eq!(samples.spots(0..3), [[2, 0], [1, 1], [1, 0]]);
             assert_eq!(samples.centre(), 1);

@@ -8,7 +8,7 @@ use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
 use super::vectors;
-use super::weights::{self, Guide};
+use super::weights::Guide;
 use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
@@ -213,19 +213,9 @@ impl<'a> Solver<'a> {
         let distances = self.distances.of(kind, [window.cx, window.cy], guides);
         self.samples.clear();
         let columns = self.problem.targets[0].width();
-        let (first_x, first_y) = window.offset(radius);
-        self.scratch.resize(2 * window.pixels(), 0.0);
-        let (kernels, trust) = self.scratch.split_at_mut(window.pixels());
-        for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {
-            let rows = distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
-            for (distances, out) in rows.zip(kernels.chunks_exact_mut(window.width)) {
-                weights::kernel(&distances[first_x..first_x + window.width], kernel.bandwidth, out);
-            }
-            if let Some(beside) = f.checked_sub(1).map(|f| &beside[f]) {
-                window.gather(beside.trust, 0.0, trust);
-                kernels.iter_mut().zip(&*trust).for_each(|(k, t)| *k *= t);
-            }
-            self.samples.add_frame(window, radius, columns, kernels);
+        let trusts = std::iter::once(None).chain(beside.iter().map(|beside| Some(beside.trust)));
+        for (distances, trust) in distances.chunks_exact(distances::square(radius)).zip(trusts) {
+            self.samples.add_frame(window, radius, columns, distances, kernel.bandwidth, trust);
         }
     }
 
@@ -289,14 +279,18 @@ impl<'a> Solver<'a> {
         let aovs = 3..self.problem.targets.len();
         let stride = self.samples.stride();
         let rhs = &mut self.columns[self.problem.basis.columns() * stride..];
-        let most = |values: &[f32]| values.iter().fold(0.0f32, |largest, v| largest.max(v.abs()));
         let columns = rhs.chunks_exact(stride).enumerate();
-        let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| most(c)).fold(0.0, f32::max);
-        let scale = condition::power_of_two_near_inverse(largest.max(most(&self.noise).sqrt()));
+        let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| condition::largest(c));
+        let scale = condition::power_of_two_near_inverse(
+            largest.fold(0.0, f32::max).max(condition::largest(&self.noise).sqrt()),
+        );
         self.scales.clear();
         for (t, column) in rhs.chunks_exact_mut(stride).enumerate() {
-            let own =
-                if aovs.contains(&t) { condition::power_of_two_near_inverse(most(column)) } else { scale };
+            let own = if aovs.contains(&t) {
+                condition::power_of_two_near_inverse(condition::largest(column))
+            } else {
+                scale
+            };
             column.iter_mut().for_each(|v| *v *= own);
             self.scales.push(own);
         }
@@ -312,13 +306,9 @@ impl<'a> Solver<'a> {
         let stride = self.samples.stride();
         self.weights.clear();
         self.weights.extend_from_slice(self.samples.kernel());
-        let (mut weight, mut noise) = (0.0f32, 0.0f32);
-        for (k, v) in self.samples.kernel().iter().zip(&self.noise) {
-            weight += k;
-            noise += k * v;
-        }
+        let noise = condition::weighted_sum(&self.noise, self.samples.kernel());
         if noise > 0.0 {
-            let relative = options.noise_weight * weight / noise;
+            let relative = options.noise_weight * condition::total(self.samples.kernel()) / noise;
             self.weights.iter_mut().zip(&self.noise).for_each(|(w, v)| *w /= 1.0 + v * relative);
         }
         if pilot.is_some() {
@@ -363,13 +353,12 @@ impl<'a> Solver<'a> {
             (false, false) => (Reference::Unbiased, 0..3),
             (false, true) => (Reference::Noisy, 0..3),
         };
-        let sum = |values: &[f32]| values.iter().map(|&v| f64::from(v)).sum::<f64>();
         let rhs = &self.columns[(basis.columns() + channels.start) * stride..];
-        let energy = rhs.chunks_exact(stride).take(3).flat_map(|column| column.iter().zip(&self.weights));
+        let energy = rhs.chunks_exact(stride).take(3).map(|y| condition::energy(y, &self.weights));
         let totals = Totals {
-            weight: sum(&self.weights).max(f64::MIN_POSITIVE),
-            energy: energy.map(|(y, w)| f64::from(y * y * w)).sum(),
-            noise: sum(&self.weighted_noise),
+            weight: f64::from(condition::total(&self.weights)).max(f64::MIN_POSITIVE),
+            energy: energy.sum(),
+            noise: f64::from(condition::total(&self.weighted_noise)),
         };
         Evidence { factor: &self.factor, channels, reference, totals }
     }

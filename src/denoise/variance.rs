@@ -84,16 +84,28 @@ pub fn smooth(plane: &Plane, radius: usize) -> Plane {
     }
     let (w, h) = plane.size();
     let window = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
-    let mean = |sum: f64, n: usize| (sum / n as f64) as f32;
-    let rows = Plane::from_fn(w, h, |x, y| {
-        let row = &plane.row(y)[window(x, w)];
-        mean(row.iter().map(|&v| f64::from(v)).sum(), row.len())
-    });
-    Plane::from_fn(w, h, |x, y| {
-        let range = window(y, h);
-        let n = range.len();
-        mean(range.map(|yy| f64::from(rows.get(x, yy))).sum(), n)
-    })
+    let mut sums = vec![0.0f64; w];
+    let mut rows = Vec::with_capacity(w * h);
+    for y in 0..h {
+        // Shift by shift: all columns at once, each in the order of its window.
+        let row = plane.row(y);
+        sums.fill(0.0);
+        for shift in 0..=2 * radius {
+            let to = radius.saturating_sub(shift);
+            let from = &row[shift.saturating_sub(radius).min(w)..];
+            sums[to.min(w)..].iter_mut().zip(from).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
+        rows.extend(sums.iter().enumerate().map(|(x, sum)| (sum / window(x, w).len() as f64) as f32));
+    }
+    let mut data = Vec::with_capacity(w * h);
+    for y in 0..h {
+        sums.fill(0.0);
+        for row in rows.chunks_exact(w).take(window(y, h).end).skip(window(y, h).start) {
+            sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
+        data.extend(sums.iter().map(|sum| (sum / window(y, h).len() as f64) as f32));
+    }
+    Plane::from_vec(w, h, data).expect("as many values as the plane")
 }
 
 #[cfg(test)]

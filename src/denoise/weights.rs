@@ -12,8 +12,8 @@ use crate::image::Plane;
 /// Keeps the distance finite where neither pixel has any noise.
 const DISTANCE_EPSILON: f32 = 1e-10;
 
-/// Weights under this are set to 0 (Rousselle, Knaus, Zwicker 2012).
-const WEIGHT_THRESHOLD: f32 = 0.05;
+/// Where Δ²/k² is beyond this, ln 20, w is under 0.05 and set to 0 (Rousselle, Knaus, Zwicker 2012).
+const FARTHEST: f32 = 2.995_732;
 
 /// Guides are limited to this, so that squared differences stay finite.
 const LARGEST_GUIDE: f32 = 1e15;
@@ -133,7 +133,7 @@ impl Guide {
 #[inline(always)]
 fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
     let difference = up - uq;
-    difference * difference - vp.min(vq)
+    difference * difference - if vp < vq { vp } else { vq }
 }
 
 /// The pixels' difference, from the channels' excess and their summed variances Σ_c V_p and Σ_c V_q.
@@ -142,28 +142,46 @@ fn difference(excess: f32, noise: f32, other: f32) -> f32 {
     (excess - noise) / (DISTANCE_EPSILON + noise + other)
 }
 
-/// w = exp(−max(0, Δ²)/k²), 0 where that is under the threshold.
+/// w = exp(−max(0, Δ²)/k²), 0 where that is too little.
 #[inline(always)]
 pub fn kernel(distances: &[f32], bandwidth: f32, weights: &mut [f32]) {
     let scale = 1.0 / (bandwidth * bandwidth);
     for (weight, &distance) in weights.iter_mut().zip(distances) {
-        let w = exp_negative(distance.max(0.0) * scale);
-        *weight = if w < WEIGHT_THRESHOLD { 0.0 } else { w };
+        let x = if distance > 0.0 { distance * scale } else { 0.0 };
+        *weight = if x > FARTHEST { 0.0 } else { exp_negative(x) };
     }
+}
+
+/// Which of the distances of a row of a window have weight, a bit for each.
+#[inline(always)]
+pub fn near(distances: &[f32], bandwidth: f32) -> u32 {
+    let farthest = FARTHEST * bandwidth * bandwidth;
+    let mut near = 0;
+    for (b, block) in distances.as_chunks::<BLOCK>().0.iter().enumerate() {
+        let mut bits = 0;
+        for (i, distance) in block.iter().enumerate() {
+            bits |= u32::from(*distance <= farthest) << i;
+        }
+        near |= bits << (b * BLOCK);
+    }
+    near
 }
 
 /// exp(−x) for x ≥ 0 to about 1e-6, without a branch, so that it vectorises: 2^(−x log₂e) split into
 /// the exponent's bits and a polynomial of the fraction.
 #[inline(always)]
 pub(crate) fn exp_negative(x: f32) -> f32 {
-    let t = x.min(80.0) * std::f32::consts::LOG2_E;
-    let whole = (t + 0.5) as i32; // to the nearest: the fraction is −½ to ½
-    let f = whole as f32 - t;
+    const LARGEST: f32 = 80.0;
+    // What is added to it loses its fraction, and the low bits are what is left.
+    const SHIFT: f32 = 1.5 * (1u32 << 23) as f32;
+    let t = if x < LARGEST { x } else { LARGEST } * std::f32::consts::LOG2_E;
+    let whole = t + SHIFT;
+    let f = whole - SHIFT - t; // −½ to ½
     let p = 1.0
         + f * (std::f32::consts::LN_2
             + f * (0.240_226_5
                 + f * (0.055_504_11 + f * (0.009_618_129 + f * (0.001_333_356 + f * 0.000_154_035)))));
-    p * f32::from_bits(((127 - whole) << 23) as u32)
+    p * f32::from_bits((127u32 << 23).wrapping_sub(whole.to_bits() << 23))
 }
 
 #[cfg(test)]

@@ -55,8 +55,8 @@ impl Window {
         for y in self.y0..self.y0 + self.height {
             let row = &plane.row(y)[self.x0..self.x0 + self.width];
             for values in row.chunks(LANES) {
-                for (least, value) in least.iter_mut().zip(values) {
-                    *least = least.min(*value);
+                for (least, &value) in least.iter_mut().zip(values) {
+                    *least = if value < *least { value } else { *least };
                 }
             }
         }
