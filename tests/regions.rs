@@ -165,7 +165,7 @@ fn program(arguments: &[&str]) -> std::process::Output {
     Command::cargo_bin("apr-denoise").unwrap().args(arguments).output().unwrap()
 }
 
-const QUICK: [&str; 5] = ["--preset", "fast", "--set", "window_radius=1", "--quiet"];
+const QUICK: [&str; 7] = ["--preset", "fast", "--set", "window_radius=1", "--set", "coarse=false", "--quiet"];
 
 #[test]
 fn the_program_merges_what_it_cut() {
@@ -211,18 +211,24 @@ fn a_bound_of_memory_changes_no_bit_and_is_kept() {
         let files = [&input[..], output, "--aux", "--set", "outliers.witnesses=4"];
         program(&[&files, &QUICK[..], more].concat())
     };
-    assert!(run(&whole, &[]).status.success());
+    let report = path("report.json");
+    let told = || -> serde_json::Value {
+        serde_json::from_str(&std::fs::read_to_string(path("report.json")).unwrap()).unwrap()
+    };
+    assert!(run(&whole, &["--report", &report]).status.success());
+    let told_whole = told();
     let refused = run(&bands, &["--memory", "1M"]);
     assert_eq!(refused.status.code(), Some(2));
     let message = String::from_utf8_lossy(&refused.stderr).into_owned();
     let least = message.trim().rsplit_once("at least ").expect(&message).1.to_owned();
 
-    let report = path("report.json");
     let bounded = run(&bands, &["--memory", &least, "--report", &report]);
     assert!(bounded.status.success(), "{}", String::from_utf8_lossy(&bounded.stderr));
     assert_eq!(std::fs::read(whole).unwrap(), std::fs::read(bands).unwrap());
-    let report: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(report).unwrap()).unwrap();
+    let report = told();
     assert!(report["bands"].as_u64().unwrap() > 2, "{}", report["bands"]);
+    assert_eq!(report["skipped"], told_whole["skipped"], "the same is skipped in bands");
+    assert_eq!(report["skipped"][0]["stage"], "prefilter", "the depth has no variance");
     let bound: u64 = least.trim_end_matches('M').parse().unwrap();
     for stage in report["stages"].as_array().unwrap() {
         let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);

@@ -31,7 +31,7 @@ pub struct Report<'a> {
     bands: usize,
     /// Stages that were run, in order.
     stages: Vec<Cost>,
-    /// Stages that were not.
+    /// Stages that were not, in no band.
     skipped: Vec<Skipped>,
     summary: &'a Summary,
     estimated_error: EstimatedError,
@@ -74,10 +74,8 @@ impl<'a> Report<'a> {
         sampling: Option<&'a Sampling>,
     ) -> Self {
         let (layout, denoised) = (input.layout(), &output.denoised);
-        let skipped = denoiser
-            .pipeline()
-            .filter(|_| output.parts == 1)
-            .map_or_else(Vec::new, |options| skipped(layout, options, &denoised.summary, &stages));
+        let skipped =
+            denoiser.pipeline().map_or_else(Vec::new, |options| skipped(layout, options, &denoised.summary));
         let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
         Self {
             program: env!("CARGO_PKG_NAME"),
@@ -123,16 +121,16 @@ impl<'a> Report<'a> {
 }
 
 /// The stages that had nothing to do, and why.
-fn skipped(layout: &Layout, options: &Options, summary: &Summary, run: &[Cost]) -> Vec<Skipped> {
+fn skipped(layout: &Layout, options: &Options, summary: &Summary) -> Vec<Skipped> {
     let noisy = |role: &RoleLayout| role.is_feature() && role.statistic != "mean";
     let reason = |stage: Stage| match stage {
-        _ if run.iter().all(|cost| cost.stage != name(stage)) => Some("there is no noise to take out"),
         Stage::Outliers if !options.outliers.enabled => Some("switched off by the options"),
         Stage::Prefilter if !options.prefilter.enabled => Some("switched off by the options"),
         Stage::Prefilter if !layout.roles.iter().any(noisy) && layout.half.is_none() => {
             Some("no feature has a variance or halves")
         }
         Stage::Coarse if !options.coarse => Some("switched off by the options"),
+        _ if summary.centres == 0 && stage != Stage::Sanitize => Some("there is no noise to take out"),
         Stage::Energy if summary.outliers == 0 && !options.restore => Some("there are no outliers"),
         _ => None,
     };
