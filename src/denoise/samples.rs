@@ -36,8 +36,8 @@ impl Samples {
     }
 
     /// Adds the samples of the next frame: the pixels of the window whose `distances` have a weight at the
-    /// `bandwidth`, in a picture of `columns`; K is multiplied by their `trust`. The radius is that of unclipped
-    /// windows, of which `distances` holds all rows (see [`weights::distance_stride`]).
+    /// `bandwidth`, in a picture of `columns`; K is multiplied by their `trust`, a plane and a factor. The radius is
+    /// that of unclipped windows, of which `distances` holds all rows (see [`weights::distance_stride`]).
     #[inline(always)]
     pub fn add_frame(
         &mut self,
@@ -46,7 +46,7 @@ impl Samples {
         columns: usize,
         distances: &[f32],
         bandwidth: f32,
-        trust: Option<&Plane>,
+        trust: Option<(&Plane, f32)>,
     ) {
         let start = self.places.len();
         let (first_x, first_y) = window.offset(radius);
@@ -59,7 +59,7 @@ impl Samples {
                 let column = near.trailing_zeros() as usize;
                 near &= near - 1;
                 let place = (window.y0 + row) * columns + window.x0 + column - first_x;
-                if trust.is_some_and(|trust| trust.data()[place] <= 0.0) {
+                if trust.is_some_and(|(trust, _)| trust.data()[place] <= 0.0) {
                     continue;
                 }
                 self.distances.push(distances[column]);
@@ -70,9 +70,10 @@ impl Samples {
         self.kernel.truncate(start);
         self.kernel.resize(self.places.len(), 0.0);
         weights::kernel(&self.distances, bandwidth, &mut self.kernel[start..]);
-        if let Some(trust) = trust {
+        if let Some((trust, factor)) = trust {
             let places = self.places[start..].iter();
-            self.kernel[start..].iter_mut().zip(places).for_each(|(k, &place)| *k *= trust.data()[place]);
+            let kernels = self.kernel[start..].iter_mut().zip(places);
+            kernels.for_each(|(k, &place)| *k *= trust.data()[place] * factor);
         }
         self.kernel.resize(self.places.len().next_multiple_of(LANES), 0.0);
         self.ends.push(self.places.len());
@@ -107,6 +108,14 @@ impl Samples {
         frame.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[frame]
     }
 
+    /// The mean of `plane` over the samples of a frame, by K; 1 without any.
+    pub fn mean(&self, frame: usize, plane: &Plane) -> f32 {
+        let samples = self.of_frame(frame);
+        let values = self.kernel[samples.clone()].iter().zip(&self.places[samples]);
+        let (sum, all) = values.fold((0.0, 0.0), |(s, a), (k, &place)| (s + k * plane.data()[place], a + k));
+        if all > 0.0 { sum / all } else { 1.0 }
+    }
+
     /// Column and row of samples in an unclipped window.
     pub fn spots(&self, samples: Range<usize>) -> &[[u8; 2]] {
         &self.spots[samples]
@@ -134,18 +143,20 @@ mod tests {
             [1, 2, 9, 10].into_iter().zip(of).for_each(|(at, distance)| all[at] = distance);
             all
         };
-        let trust = Plane::from_fn(6, 4, |x, y| if (x, y) == (0, 2) { 0.25 } else { 0.0 });
+        let trust = Plane::from_fn(6, 4, |x, y| if (x, y) == (0, 2) { 0.5 } else { 0.0 });
         let mut samples = Samples::default();
         for round in 0..2 {
             samples.clear();
             samples.add_frame(&window, 1, 6, &distances([9.0, 0.5, 0.0, 9.0]), 1.0, None);
-            samples.add_frame(&window, 1, 6, &distances([0.0, 9.0, 9.0, 0.0]), 1.0, Some(&trust));
+            samples.add_frame(&window, 1, 6, &distances([0.0, 9.0, 9.0, 0.0]), 1.0, Some((&trust, 0.5)));
             assert_eq!(samples.stride(), LANES, "round {round}");
             let kernel = [(-0.5f32).exp(), 1.0, 0.25, 0.0];
             samples.kernel()[..4].iter().zip(kernel).for_each(|(k, exact)| assert!((k - exact).abs() < 1e-6));
             assert_eq!((samples.of_frame(0), samples.of_frame(1)), (0..2, 2..3));
             assert_eq!(samples.spots(0..3), [[2, 0], [1, 1], [1, 0]]);
             assert_eq!(samples.centre(), 1);
+            let mean = (21.0 * kernel[0] + 30.0) / (kernel[0] + 1.0);
+            assert!((samples.mean(0, &plane) - mean).abs() < 1e-4);
             let mut values = [0.0; 3];
             samples.gather(&plane, 0..3, 5.0, &mut values);
             assert_eq!(values, [21.0 - 5.0, 30.0 - 5.0, 20.0 - 5.0]);

@@ -38,6 +38,12 @@ pub struct Problem<'a> {
     pub options: &'a Options,
 }
 
+/// How fast a frame beside loses weight in windows where the light has changed in part. Its samples would be
+/// many on one side of an edge that moved and none on the other, and would bend the fit away from the few.
+/// `[choice]` of 0, 1, 2, 4 and 8: the least that does no harm where an edge moves by two pixels that nothing else
+/// knows of (docs/TEMPORAL.md).
+const BALANCE: i32 = 4;
+
 /// A frame beside, brought to this one's pixels (see [`super::warp`]), with the same kinds of planes.
 pub struct Beside<'a> {
     /// As the problem's.
@@ -50,6 +56,8 @@ pub struct Beside<'a> {
     pub guide: &'a Guide,
     /// As the problem's.
     pub albedo: Option<Demodulation<'a>>,
+    /// How far the light is the same in both frames, 0 to 1.
+    pub steady: &'a Plane,
     /// What every sample's weight is multiplied by, 0 to 1.
     pub trust: &'a Plane,
 }
@@ -213,8 +221,11 @@ impl<'a> Solver<'a> {
         let distances = self.distances.of(kind, [window.cx, window.cy], guides);
         self.samples.clear();
         let columns = self.problem.targets[0].width();
-        let trusts = std::iter::once(None).chain(beside.iter().map(|beside| Some(beside.trust)));
-        for (distances, trust) in distances.chunks_exact(distances::square(radius)).zip(trusts) {
+        for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {
+            let trust = f.checked_sub(1).map(|f| {
+                let balance = self.samples.mean(0, beside[f].steady).powi(BALANCE);
+                (beside[f].trust, balance)
+            });
             self.samples.add_frame(window, radius, columns, distances, kernel.bandwidth, trust);
         }
     }

@@ -5,8 +5,8 @@
 
 use super::signal::Guides;
 use super::solver::Beside as Samples;
-use super::warp::{Flow, Vectors, distrust_light, distrust_surfaces};
-use super::{Design, Ready, targets};
+use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
+use super::{Design, Ready, targets, variance};
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rgb};
 use crate::options::Options;
@@ -27,6 +27,7 @@ pub(super) struct Warped {
     pub features: Vec<Plane>,
     pub albedo: Option<Rgb>,
     pub guides: Guides,
+    pub steady: Plane,
     pub trust: Plane,
 }
 
@@ -39,6 +40,7 @@ impl Warped {
             features: &self.features,
             guide: &self.guides.color,
             albedo: self.guides.demodulation(self.albedo.as_ref()),
+            steady: &self.steady,
             trust: &self.trust,
         }
     }
@@ -142,9 +144,12 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
         seen_from_here(here, warped)
     });
     let features = features.collect();
-    let (color, noise) = (rgb(&there.clean.color), rgb(&there.variance));
+    let (color, noise) = (rgb(&there.clean.color), rgb(&there.variance.each_ref().map(variance::trusted)));
     let smoothed = rgb(&there.smoothed);
-    distrust_light(&mut trust, [&here.clean.color, &color], [&here.smoothed, &smoothed]);
+    let colors = [&here.clean.color, &color];
+    let steady = steadiness(&trust, colors, [&here.smoothed, &smoothed]);
+    trust.data_mut().iter_mut().zip(steady.data()).for_each(|(trust, steady)| *trust *= steady);
+    distrust_copies(&mut trust, colors, &here.smoothed);
     let albedo = there.albedo.as_ref().map(rgb);
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
@@ -152,6 +157,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
         variance: smoothed,
         features,
         albedo,
+        steady,
         trust,
     }
 }

@@ -20,8 +20,9 @@ const DEPTH_SLACK: f32 = 0.1;
 /// Radius of the neighbourhood over which a change of the light is looked for.
 const LIGHT_RADIUS: usize = 3;
 
-/// Squared deviations that a change of the light may have by chance.
-const LIGHT_CHANCE: f32 = 4.0;
+/// Squared deviations that a change of the light may have by chance. `[choice]` docs/TEMPORAL.md: fewer distrust
+/// much that has not changed.
+const LIGHT_CHANCE: f32 = 9.0;
 
 /// Motion vectors: columns to the right and rows down.
 pub type Vectors = [Plane; 2];
@@ -74,10 +75,17 @@ impl Flow {
         Plane::from_fn(width, height, |x, y| plane.data()[self.places[y * width + x]])
     }
 
-    /// 1 where the place is known, 0 elsewhere.
+    /// 1 where the place is known, 0 elsewhere; a share of 1 where several pixels have the same place, as where
+    /// something comes nearer: together they know one sample.
     pub fn trust(&self) -> Plane {
         let (width, height) = self.size;
-        Plane::from_fn(width, height, |x, y| f32::from(u8::from(self.inside[y * width + x])))
+        let known = || self.places.iter().zip(&self.inside).filter(|(_, inside)| **inside);
+        let mut pixels = vec![0u32; width * height];
+        known().for_each(|(place, _)| pixels[*place] += 1);
+        Plane::from_fn(width, height, |x, y| {
+            let i = y * width + x;
+            if self.inside[i] { 1.0 / pixels[self.places[i]] as f32 } else { 0.0 }
+        })
     }
 }
 
@@ -106,11 +114,11 @@ pub fn distrust_surfaces(trust: &mut Plane, kind: FeatureKind, here: &Plane, the
     }
 }
 
-/// Takes `trust` away where the light has changed by more than its noise lets expect: a shadow or a
-/// reflection that moved over a surface which did not. The mean difference over 7×7 pixels tells it that
-/// single patches are too noisy to see. A pixel that is the very same in spite of its noise is a copy,
-/// from a repeated frame or seed, and tells nothing new.
-pub fn distrust_light(trust: &mut Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [&Rgb; 2]) {
+/// How far the light on every pixel is the same in both frames, 0 to 1, against what its noise lets expect: a
+/// shadow or a reflection that moved over a surface which did not. The mean difference over 7×7 pixels tells it
+/// that single patches are too noisy to see. Pixels without `trust` are not compared and get 1.
+#[must_use]
+pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [&Rgb; 2]) -> Plane {
     let (width, height) = trust.size();
     let seen = |x: usize, y: usize| if trust.get(x, y) > 0.0 { 1.0 } else { 0.0 };
     // The channels share their samples: their deviations add, not their variances.
@@ -126,20 +134,22 @@ pub fn distrust_light(trust: &mut Plane, [here, there]: [&Rgb; 2], [noise, its_n
     let (difference, variance) = (smooth(&difference, LIGHT_RADIUS), smooth(&variance, LIGHT_RADIUS));
     let pixels =
         |at: usize, limit: usize| (at + LIGHT_RADIUS + 1).min(limit) - at.saturating_sub(LIGHT_RADIUS);
-    for y in 0..height {
-        for x in 0..width {
-            let i = y * width + x;
-            let noisy = noise.iter().any(|v| v.data()[i] > 0.0);
-            if noisy && (0..3).all(|c| here[c].data()[i] == there[c].data()[i]) {
-                trust.data_mut()[i] = 0.0;
-                continue;
-            }
-            // With sums over the trusted pixels z² = (Σ d)²/Σ σ², whose means over n pixels these are.
-            let count = (pixels(x, width) * pixels(y, height)) as f32;
-            let excess = difference.data()[i].powi(2) * count - LIGHT_CHANCE * variance.data()[i];
-            if excess > 0.0 {
-                trust.data_mut()[i] *= (-0.5 * excess / variance.data()[i]).exp(); // 0 without any noise
-            }
+    Plane::from_fn(width, height, |x, y| {
+        // With sums over the trusted pixels z² = (Σ d)²/Σ σ², whose means over n pixels these are.
+        let count = (pixels(x, width) * pixels(y, height)) as f32;
+        let excess = difference.get(x, y).powi(2) * count - LIGHT_CHANCE * variance.get(x, y);
+        let changed = excess > 0.0 && seen(x, y) > 0.0;
+        if changed { (-0.5 * excess / variance.get(x, y)).exp() } else { 1.0 } // 0 without any noise
+    })
+}
+
+/// Takes `trust` away where a pixel is the very same in spite of its `noise`: a copy, from a repeated frame or
+/// seed, tells nothing new.
+pub fn distrust_copies(trust: &mut Plane, [here, there]: [&Rgb; 2], noise: &Rgb) {
+    for (i, trust) in trust.data_mut().iter_mut().enumerate() {
+        let noisy = noise.iter().any(|v| v.data()[i] > 0.0);
+        if noisy && (0..3).all(|c| here[c].data()[i] == there[c].data()[i]) {
+            *trust = 0.0;
         }
     }
 }
@@ -181,6 +191,10 @@ mod tests {
         let two = Flow::still(SIZE).further(&one, None).further(&one, None);
         assert_eq!(two.warp(&here).get(4, 5), here.get(6, 5));
         assert_eq!(Flow::still(SIZE).further(&constant([f32::NAN, 0.0]), None).trust(), plane(|_, _| 0.0));
+        // Twice as near: every pixel there is four here, which count for one.
+        let half = |at: usize| (at / 2) as f32 - at as f32;
+        let trust = Flow::still(SIZE).further(&[plane(|x, _| half(x)), plane(|_, y| half(y))], None).trust();
+        assert_eq!(trust, plane(|_, _| 0.25));
     }
 
     #[test]
@@ -219,21 +233,24 @@ mod tests {
     fn light_that_changed_is_told_from_noise_and_copies_tell_nothing() {
         let noise = |x: usize, y: usize| 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0);
         let variance = grey(|_, _| 0.02);
-        let trust = |here: &Rgb, there: &Rgb| {
-            let mut trust = plane(|_, _| 1.0);
-            distrust_light(&mut trust, [here, there], [&variance, &variance]);
-            trust
-        };
+        let all = plane(|_, _| 1.0);
+        let steady = |here: &Rgb, there: &Rgb| steadiness(&all, [here, there], [&variance, &variance]);
         let here = grey(|x, y| 1.0 + noise(x, y));
         let other = |x: usize, y: usize| 0.001 + noise(y + 1, x); // nowhere the very same
-        assert!(trust(&here, &grey(|x, y| 1.0 + other(x, y))).data().iter().all(|&t| t > 0.9));
-        let shadow = trust(&here, &grey(|x, y| if x < 8 { 0.7 } else { 1.0 } + other(x, y)));
+        assert!(steady(&here, &grey(|x, y| 1.0 + other(x, y))).data().iter().all(|&t| t > 0.9));
+        let darker = grey(|x, y| if x < 8 { 0.7 } else { 1.0 } + other(x, y));
+        let shadow = steady(&here, &darker);
         assert!(
             shadow.get(2, 6) < 0.01 && shadow.get(13, 6) > 0.9,
             "{} {}",
             shadow.get(2, 6),
             shadow.get(13, 6)
         );
-        assert_eq!(trust(&here, &here.clone()), plane(|_, _| 0.0));
+        assert_eq!(steadiness(&plane(|_, _| 0.0), [&here, &darker], [&variance, &variance]), all, "not seen");
+        let mut trust = all.clone();
+        distrust_copies(&mut trust, [&here, &darker], &variance);
+        assert_eq!(trust, all);
+        distrust_copies(&mut trust, [&here, &here.clone()], &variance);
+        assert_eq!(trust, plane(|_, _| 0.0));
     }
 }
