@@ -95,3 +95,14 @@ impl Part {
         Err(Error::new(ErrorKind::Usage, what).remedy("read the pixels that the part names"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_readme_tells_the_halo() {
+        let told = format!("{} pixels by default", halo(&Options::default()));
+        assert!(include_str!("../../README.md").contains(&told), "it is {told}");
+    }
+}
