@@ -90,6 +90,7 @@ fn quick() -> Options {
         min_coverage: 0.0,
         max_order: 1,
         stages: vec![vec![Kernel { patch_radius: 1, bandwidth: 1.0, demodulate: false }]; 2],
+        coarse: false,
         restore: false,
         ..Options::default()
     };
