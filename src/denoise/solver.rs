@@ -168,7 +168,7 @@ impl<'a> Solver<'a> {
     }
 
     /// The fit of a centre that resembles nothing but itself, without its sums: the pixel as it is, and its
-    /// noise as the risk. A third to a half of the centres on hard light at few samples are such.
+    /// noise as the risk. A third of the centres of one picture (glossy teapot) are such, 1 to 4 % of two others.
     fn keep(&mut self, window: &Window) {
         let at = |plane: &Plane| plane.get(window.cx, window.cy);
         self.predicted.clear();
