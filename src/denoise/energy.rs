@@ -41,6 +41,14 @@ struct Node {
     taken: Vec<f64>,
 }
 
+/// What a window must hold.
+struct Asked {
+    /// The least effective number of outliers.
+    witnesses: f64,
+    /// Whether there must be some light, for each of the colour's channels.
+    light: [bool; 3],
+}
+
 /// What multiplies and is added to every target to give it back its energy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gains {
@@ -120,11 +128,14 @@ impl Energy {
             even: vec![0.0; targets],
         };
         let whole = Rect::whole((self.columns, self.nodes.len() / self.columns.max(1)));
+        let asked =
+            Asked { witnesses: witnesses.into(), light: self.sum(whole, |node| node.light).map(|l| l > 0.0) };
+        let local = self.holds(whole, &asked);
         // What goes to the whole picture is given back at once.
         let mut rest = vec![0.0; targets];
         for node in sources() {
             let taken = &self.nodes[node].taken;
-            match self.window(node, whole, witnesses.into()) {
+            match local.then(|| self.window(node, whole, &asked)).flatten() {
                 Some(window) => self.give(taken, window, &mut gains),
                 None => rest.iter_mut().zip(taken).for_each(|(rest, taken)| *rest += taken),
             }
@@ -134,19 +145,18 @@ impl Energy {
     }
 
     /// The nodes that the energy of `node` goes to; none where that is the whole lattice.
-    fn window(&self, node: usize, whole: Rect, witnesses: f64) -> Option<Rect> {
-        let enough = |window: Rect| {
-            let [sum, squares] = self.sum(window, |node| node.witnesses);
-            let light = self.sum(window, |node| node.light);
-            sum * sum >= witnesses * squares && light.iter().all(|light| *light > 0.0)
-        };
-        if !enough(whole) {
-            return None;
-        }
+    fn window(&self, node: usize, whole: Rect, asked: &Asked) -> Option<Rect> {
         let at = Rect { x: node % self.columns, y: node / self.columns, width: 1, height: 1 };
         let reaches = std::iter::successors(Some(0), |reach| Some(reach * 5 / 4 + 1));
         let mut windows = reaches.map(|reach| at.grown(reach, whole.size())).take_while(|w| *w != whole);
-        windows.find(|window| enough(*window))
+        windows.find(|window| self.holds(*window, asked))
+    }
+
+    /// Whether a window holds what is asked of it.
+    fn holds(&self, window: Rect, asked: &Asked) -> bool {
+        let [sum, squares] = self.sum(window, |node| node.witnesses);
+        let mut light = self.sum(window, |node| node.light).into_iter().zip(asked.light);
+        sum * sum >= asked.witnesses * squares && light.all(|(light, asked)| light > 0.0 || !asked)
     }
 
     fn sum<const N: usize>(&self, window: Rect, of: impl Fn(&Node) -> [f64; N]) -> [f64; N] {
@@ -284,10 +294,16 @@ mod tests {
         let mut lone = flat.clone();
         energy(&flat, &[at(20, 20)], &[120.0]).gains(64.0).give_back(&mut lone, &flat, 0, (0, 0));
         assert!(lone.data().iter().all(|v| (v - 1.001).abs() < 1e-6), "{}", lone.get(0, 0));
+        // So it is where there is no green and no blue.
         let crowd: Vec<Outlier> = (0..100).map(|k| at(20 + k % 10, 20 + k / 10)).collect();
-        let mut near = flat.clone();
-        energy(&flat, &crowd, &[1.2; 100]).gains(64.0).give_back(&mut near, &flat, 0, (0, 0));
-        assert!(near.get(20, 20) > 1.01 && near.get(300, 200) == 1.0, "{}", near.get(20, 20));
+        let black = Plane::filled(400, 300, 0.0);
+        for color in [grey(&flat), [flat.clone(), black.clone(), black]] {
+            let mut energy = Energy::default();
+            energy.add(&color, &crowd, &vec![vec![1.2; 100]; 3], Rect::whole(flat.size()), 0);
+            let mut near = flat.clone();
+            energy.gains(64.0).give_back(&mut near, &flat, 0, (0, 0));
+            assert!(near.get(20, 20) > 1.01 && near.get(300, 200) == 1.0, "{}", near.get(20, 20));
+        }
     }
 
     #[test]
