@@ -284,7 +284,7 @@ fn energy<'a>(facts: &'a Facts, ready: &Ready, part: &Part) -> Result<Cow<'a, En
     if let Some(energy) = &facts.energy {
         return Ok(Cow::Borrowed(energy));
     }
-    if part.wanted != part.read {
+    if !part.is_whole() {
         let what = "the outliers of the picture around the part are not known";
         return Err(Error::new(ErrorKind::Usage, what).remedy("give all rows to Facts::add_outliers first"));
     }

@@ -75,6 +75,11 @@ impl Part {
         Self { wanted, read: wanted.grown(reach, size) }
     }
 
+    /// Whether nothing is read around it, as of a whole picture.
+    pub fn is_whole(&self) -> bool {
+        self.wanted == self.read
+    }
+
     /// The column and row of the frame's first pixel.
     pub fn origin(&self) -> (usize, usize) {
         (self.read.x, self.read.y)

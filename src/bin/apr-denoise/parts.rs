@@ -187,8 +187,9 @@ impl Surveyed {
             height: rows.min(target.height - y),
             ..target
         });
-        let parts = bands.map(|band| Part::new(band, survey.size(), options)).collect();
-        if options.outliers.enabled && facts.has_noise() {
+        let parts: Vec<Part> = bands.map(|band| Part::new(band, survey.size(), options)).collect();
+        let apart = parts.iter().any(|part| !part.is_whole());
+        if apart && options.outliers.enabled && facts.has_noise() {
             let (width, height) = survey.size();
             for y in (0..height).step_by(OUTLIER_ROWS) {
                 let rows = Rect { x: 0, y, width, height: OUTLIER_ROWS.min(height - y) };
