@@ -63,6 +63,78 @@ proptest! {
         let file: Vec<u8> = [0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0].into_iter().chain(bytes).collect();
         prop_assert_eq!(survive(&file).unwrap_err().kind(), ErrorKind::Unreadable);
     }
+
+    #[test]
+    fn attributes_that_mean_nothing_here_come_out_as_they_were(
+        sample in 0..20_usize,
+        name in prop::sample::select(vec!["timeCode", "xDensity", "preview", "x", "aNameOfMoreThanThirtyOneLetters_"]),
+        (type_name, size) in prop::sample::select(TYPES.to_vec()),
+        whole in any::<bool>(),
+        content in prop::array::uniform32(any::<u8>()),
+    ) {
+        let size = if whole { size } else { 1 }; // not too long: the decoder cuts that off
+        let value: Vec<u8> = content.into_iter().cycle().take(size).collect();
+        let length = (size as u32).to_le_bytes();
+        let attribute = [name.as_bytes(), b"\0", type_name.as_bytes(), b"\0", &length, &value].concat();
+        let folder = tempfile::tempdir().unwrap();
+        read_and_write(&with_attribute(&samples()[sample], &attribute), folder.path()).unwrap();
+        let out = folder.path().join("out.exr");
+        let written = std::fs::read(&out).unwrap();
+        let is_there = written.windows(attribute.len()).any(|window| window == attribute);
+        prop_assert!(is_there, "{} of type {} is not", name, type_name);
+        Picture::read(&out, &ReadOptions::default()).unwrap();
+    }
+}
+
+/// Types of attributes, and how many bytes of any content make one.
+const TYPES: [(&str, usize); 18] = [
+    ("int", 4),
+    ("float", 4),
+    ("double", 8),
+    ("rational", 8),
+    ("timecode", 8),
+    ("v2i", 8),
+    ("v2f", 8),
+    ("v3i", 12),
+    ("v3f", 12),
+    ("box2i", 16),
+    ("box2f", 16),
+    ("keycode", 28),
+    ("chromaticities", 32),
+    ("m33f", 36),
+    ("m44f", 64),
+    ("string", 20),
+    ("preview", 7),
+    ("aTypeWithANameOfMoreThan31Letters", 5),
+];
+
+/// With one more attribute at the front of the (first) header, and the table of blocks told of it.
+fn with_attribute(bytes: &[u8], attribute: &[u8]) -> Vec<u8> {
+    const MULTI_PART: u8 = 0x10;
+    const LONG_NAMES: u8 = 0x04;
+    let mut longer = [&bytes[..8], attribute, &bytes[8..]].concat();
+    longer[5] |= LONG_NAMES;
+    let mut at = 8;
+    loop {
+        while longer[at] != 0 {
+            let name_and_type = longer[at..].split_inclusive(|&byte| byte == 0).take(2).map(<[u8]>::len);
+            at += name_and_type.sum::<usize>();
+            at += 4 + u32::from_le_bytes(longer[at..at + 4].try_into().unwrap()) as usize;
+        }
+        at += 1;
+        if longer[5] & MULTI_PART == 0 || longer[at] == 0 {
+            break;
+        }
+    }
+    at += usize::from(longer[5] & MULTI_PART != 0);
+    let mut first_block = longer.len();
+    while at < first_block {
+        let place = u64::from_le_bytes(longer[at..at + 8].try_into().unwrap()) + attribute.len() as u64;
+        longer[at..at + 8].copy_from_slice(&place.to_le_bytes());
+        first_block = first_block.min(place as usize);
+        at += 8;
+    }
+    longer
 }
 
 /// Replaces the value of the attribute `name` in a file's header.

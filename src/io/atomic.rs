@@ -9,7 +9,7 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::attribute_order;
+use super::attributes;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The ending of temporary files.
@@ -132,9 +132,7 @@ pub(super) fn write_picture_atomically(
 ) -> Result<()> {
     write_atomically(target, |file| {
         write(file)?;
-        file.flush()
-            .and_then(|()| attribute_order::sort(file.get_ref()))
-            .map_err(|error| cannot_write(&error))
+        file.flush().and_then(|()| attributes::finish(file.get_ref())).map_err(|error| cannot_write(&error))
     })
 }
 

@@ -16,7 +16,7 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData, OffsetTables};
 use rayon::prelude::*;
 
-use super::limits;
+use super::{attributes, limits};
 use crate::error::{Error, ErrorKind, Result};
 
 /// Bytes of decoded blocks that are in flight at one time: enough to keep the threads busy.
@@ -32,8 +32,6 @@ pub(super) struct Document {
     meta: MetaData,
     /// Where each block of each part starts, by index in increasing rows.
     offsets: OffsetTables,
-    /// The header broke a rule; if an attribute could not be parsed it will be missing in a copy.
-    irregular: bool,
 }
 
 impl Document {
@@ -50,19 +48,19 @@ impl Document {
         let file = File::open(path).map_err(|error| io_error(&error))?;
         let length = file.metadata().map_err(|error| io_error(&error))?.len();
         let mut reader = BufReader::new(file);
-        let (meta, irregular) = match MetaData::read_from_buffered(&mut reader, true) {
-            Ok(meta) => (meta, false),
+        let mut meta = match MetaData::read_from_buffered(&mut reader, true) {
+            Ok(meta) => meta,
             Err(strict) => {
                 reader.rewind().map_err(|error| io_error(&error))?;
-                let meta = MetaData::read_from_buffered(&mut reader, false);
-                (meta.map_err(|_| exr_error(&strict))?, true)
+                MetaData::read_from_buffered(&mut reader, false).map_err(|_| exr_error(&strict))?
             }
         };
         limits::check(&meta.headers, length)?;
         MetaData::validate(&meta.headers, false).map_err(|error| exr_error(&error))?;
         let offsets = MetaData::read_offset_tables(&mut PeekRead::new(&mut reader), &meta.headers)
             .map_err(|error| exr_error(&error))?;
-        Ok(Self { path: path.to_owned(), meta, offsets, irregular })
+        attributes::keep(&mut meta.headers, &mut reader).map_err(|error| exr_error(&error))?;
+        Ok(Self { path: path.to_owned(), meta, offsets })
     }
 
     /// The file.
@@ -73,11 +71,6 @@ impl Document {
     /// One header per part.
     pub(super) fn headers(&self) -> &[Header] {
         &self.meta.headers
-    }
-
-    /// Whether the header broke a rule, so that a copy may lack a malformed attribute.
-    pub(super) fn is_irregular(&self) -> bool {
-        self.irregular
     }
 
     /// The part's name, where it has one.

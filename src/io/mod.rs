@@ -19,7 +19,7 @@
 
 mod assemble;
 mod atomic;
-mod attribute_order;
+mod attributes;
 mod bounds;
 mod canvas;
 mod channels;

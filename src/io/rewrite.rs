@@ -74,11 +74,6 @@ impl<'a> Plan<'a> {
     ) -> Self {
         let beauty = replacements.first().map_or(0, |replacement| replacement.at.part);
         let mut notes = Vec::new();
-        if document.is_irregular() {
-            notes.push(
-                "the input's header is irregular: a malformed attribute is missing in the output".to_owned(),
-            );
-        }
         let mut new: Vec<Option<NewPart>> = Vec::new();
         for (part, header) in document.headers().iter().enumerate() {
             let here: Vec<&Replacement> = replacements.iter().filter(|new| new.at.part == part).collect();
