@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Fuzzes `exr_to_frame` and `denoise` side by side, SECONDS each (default 60): scripts/fuzz.sh [SECONDS [TARGET]]
+# Fuzzes `exr_to_frame` and `denoise` side by side, SECONDS each (default 60):
+# scripts/fuzz.sh [SECONDS [TARGET [SEED]]]
 #
 # The targets are cargo-fuzz's (`cargo fuzz run TARGET`), built here by cargo alone: the flags below are
 # the coverage that cargo-fuzz asks for, all of them known to a stable compiler. No address sanitizer:
@@ -9,6 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 seconds=${1:-60}
 targets=${2:-exr_to_frame denoise}
+seed=${3:-1} # so that CI tries the same on every run; 0 is another one every time
 
 coverage='--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-level=4
     -Cllvm-args=-sanitizer-coverage-inline-8bit-counters -Cllvm-args=-sanitizer-coverage-pc-table
@@ -24,7 +26,7 @@ export RAYON_NUM_THREADS=1 # one thread's coverage is reproducible
 fuzz() {
     local target=$1
     mkdir -p "fuzz/corpus/$target" "fuzz/artifacts/$target" "tests/found/$target"
-    local options=(-max_total_time="$seconds" -artifact_prefix="fuzz/artifacts/$target/" -timeout=20
+    local options=(-max_total_time="$seconds" -seed="$seed" -artifact_prefix="fuzz/artifacts/$target/" -timeout=20
         -rss_limit_mb=1024 -print_final_stats=1)
     case $target in
         exr_to_frame) options+=(-dict=fuzz/dict/exr.dict -max_len=8192) ;;

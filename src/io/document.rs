@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use exr::block::UncompressedBlock;
-use exr::block::chunk::{Chunk, TileCoordinates};
+use exr::block::chunk::{Chunk, CompressedBlock, TileCoordinates};
 use exr::io::PeekRead;
 use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
@@ -194,6 +194,14 @@ impl Document {
         let found = header.get_block_data_indices(&chunk.compressed_block).map_err(|e| exr_error(&e))?;
         if chunk.layer_index != part || found != block_coordinates(header, index) {
             return Err(damaged(format!("block {index} is not where the table of blocks says")));
+        }
+        let is_empty = match &chunk.compressed_block {
+            CompressedBlock::ScanLine(block) => block.compressed_pixels_le.is_empty(),
+            CompressedBlock::Tile(block) => block.compressed_pixels_le.is_empty(),
+            CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => false, // refused before
+        };
+        if is_empty {
+            return Err(damaged(format!("block {index} is empty")));
         }
         Ok(chunk)
     }
