@@ -22,7 +22,7 @@ const BLOCK: usize = 4;
 #[derive(Debug, Clone, Default)]
 pub struct Factor {
     p: usize,
-    /// 1/√A_ii, 0 for an empty column.
+    /// 1/√A_ii, 0 for an empty column; behind them 1 for every right-hand side.
     scale: Vec<f64>,
     /// L of the equilibrated A, row major; a dropped column has L_ii = 0.
     l: Vec<f64>,
@@ -30,9 +30,21 @@ pub struct Factor {
     z: Vec<f64>,
     /// diag(L⁻¹ B L⁻ᵀ).
     d: Vec<f64>,
-    /// What is left to eliminate: rows of A from the diagonal on with b behind, and of B.
+    /// Rows of A from the diagonal on, with b behind; row j, when it is done, is u: column j of L, then z_j.
     system: Rows,
+    /// Rows of B from the diagonal on; row j, when it is done, is v.
     noise: Rows,
+    /// The rows that are done and were not dropped.
+    kept: Vec<Kept>,
+}
+
+/// What an earlier row takes out of the row at hand.
+#[derive(Debug, Clone, Copy, Default)]
+struct Kept {
+    row: usize,
+    /// Its u and v at the column of the row at hand.
+    u: f64,
+    v: f64,
 }
 
 /// A matrix whose rows are whole blocks long.
@@ -44,20 +56,46 @@ struct Rows {
 }
 
 impl Rows {
-    fn clear(&mut self, rows: usize, columns: usize) {
+    #[inline(always)]
+    fn resize(&mut self, rows: usize, columns: usize) {
         self.width = columns.div_ceil(BLOCK);
-        self.data.clear();
         self.data.resize(rows * self.width, [0.0; BLOCK]);
     }
 
+    #[inline(always)]
+    fn row(&self, i: usize) -> &[f64] {
+        self.data[i * self.width..(i + 1) * self.width].as_flattened()
+    }
+
+    #[inline(always)]
     fn row_mut(&mut self, i: usize) -> &mut [f64] {
         self.data[i * self.width..(i + 1) * self.width].as_flattened_mut()
     }
 
-    /// Row `j`, and the rows behind it.
-    fn split(&mut self, j: usize) -> (&mut [[f64; BLOCK]], &mut [[f64; BLOCK]]) {
-        self.data[j * self.width..].split_at_mut(self.width)
+    /// `N` blocks of row `i`, the first of which is `from`.
+    #[inline(always)]
+    fn blocks<const N: usize>(&self, i: usize, from: usize) -> &[[f64; BLOCK]; N] {
+        let start = i * self.width + from;
+        self.data[start..start + N].try_into().expect("N blocks")
     }
+}
+
+/// The most blocks of a row that are summed in registers at once.
+const AT_ONCE: usize = 6;
+
+/// Calls `$f::<N>` with N the number of blocks, `$n`, from 1 to [`AT_ONCE`]: the compiler keeps so many sums in
+/// registers where it knows how many they are.
+macro_rules! with_blocks {
+    ($n:expr, $self:ident.$f:ident($($argument:expr),*)) => {
+        match $n {
+            1 => $self.$f::<1>($($argument),*),
+            2 => $self.$f::<2>($($argument),*),
+            3 => $self.$f::<3>($($argument),*),
+            4 => $self.$f::<4>($($argument),*),
+            5 => $self.$f::<5>($($argument),*),
+            _ => $self.$f::<AT_ONCE>($($argument),*),
+        }
+    };
 }
 
 impl Factor {
@@ -72,6 +110,7 @@ impl Factor {
         self.l.resize(p * p, 0.0);
         self.z.resize(r * p, 0.0);
         self.d.resize(p, 0.0);
+        self.kept.clear();
         for j in 0..p {
             self.eliminate(j);
         }
@@ -80,63 +119,94 @@ impl Factor {
     /// Copies A, b and B to where they are eliminated, A to a unit diagonal.
     #[inline(always)]
     fn equilibrate(&mut self, gram: &Gram, r: usize) {
-        let p = self.p;
+        let (p, width) = (self.p, self.p + r);
         self.scale.clear();
         self.scale.extend((0..p).map(|i| {
-            let energy = f64::from(gram.a[i * p + i]);
+            let energy = f64::from(gram.a[i * width + i]);
             if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 }
         }));
-        self.system.clear(p, p + r);
-        self.noise.clear(p, p);
-        for (i, &own) in self.scale.iter().enumerate() {
-            let (system, noise) = (self.system.row_mut(i), self.noise.row_mut(i));
-            for k in i..p {
-                let scale = own * self.scale[k];
-                system[k] = f64::from(gram.a[k * p + i]) * scale;
-                noise[k] = f64::from(gram.b[k * p + i]) * scale;
-            }
-            for (t, z) in system[p..p + r].iter_mut().enumerate() {
-                *z = f64::from(gram.rhs[t * p + i]) * own;
-            }
+        self.scale.resize(width, 1.0);
+        self.system.resize(p, width);
+        self.noise.resize(p, p);
+        for i in 0..p {
+            let own = self.scale[i];
+            // From a whole block on: what stands before the diagonal is never looked at.
+            let from = i / BLOCK * BLOCK;
+            let copy = |to: &mut [f64], values: &[f32]| {
+                let (to, padding) = to[from..].split_at_mut(values.len());
+                for ((to, value), scale) in to.iter_mut().zip(values).zip(&self.scale[from..]) {
+                    *to = f64::from(*value) * (own * scale);
+                }
+                padding.fill(0.0);
+            };
+            copy(self.system.row_mut(i), &gram.a[i * width + from..(i + 1) * width]);
+            copy(self.noise.row_mut(i), &gram.b[i * p + from..(i + 1) * p]);
         }
     }
 
-    /// Takes column `j` out of the rows behind it: A by its Cholesky step, b with it, and B by the
-    /// congruence B ← E B Eᵀ whose E is that step. With u = L's column j and v = B_j/L_jj − ½ d_j u
-    /// the latter is B_ik ← B_ik − u_i v_k − v_i u_k, and d_j = B_jj/A_jj.
+    /// Finishes row `j`: what all earlier ones take out of it, A by its Cholesky step, b with it, and B by the
+    /// congruence B ← E B Eᵀ whose E is that step. With u = L's column i and v = B_i/L_ii − ½ d_i u of every
+    /// earlier i the latter is B_jk ← B_jk − u_j v_k − v_j u_k, and d_j = B_jj/A_jj.
     #[inline(always)]
     fn eliminate(&mut self, j: usize) {
         let p = self.p;
-        let (width, noise_width) = (self.system.width, self.noise.width);
-        let (u, rows) = self.system.split(j);
-        let (v, noise_rows) = self.noise.split(j);
-        let pivot = u.as_flattened()[j];
+        let (system, noise) = (&self.system, &self.noise);
+        for kept in &mut self.kept {
+            (kept.u, kept.v) = (system.row(kept.row)[j], noise.row(kept.row)[j]);
+            self.l[j * p + kept.row] = kept.u;
+        }
+        let from = j / BLOCK;
+        for at in (from..self.system.width).step_by(AT_ONCE) {
+            with_blocks!(self.system.width - at, self.take_from_system(j, at));
+        }
+        for at in (from..self.noise.width).step_by(AT_ONCE) {
+            with_blocks!(self.noise.width - at, self.take_from_noise(j, at));
+        }
+        let pivot = self.system.row(j)[j];
         if pivot.is_nan() || pivot <= PIVOT_THRESHOLD {
             return;
         }
         let inverse = pivot.sqrt().recip();
-        let d = v.as_flattened()[j] / pivot;
+        let d = self.noise.row(j)[j] / pivot;
         self.d[j] = d.max(0.0);
-        u.as_flattened_mut()[j..].iter_mut().for_each(|u| *u *= inverse);
-        for (v, u) in v.as_flattened_mut()[j..].iter_mut().zip(&u.as_flattened()[j..]) {
+        let (u, v) = (self.system.row_mut(j), self.noise.row_mut(j));
+        u[from * BLOCK..].iter_mut().for_each(|u| *u *= inverse);
+        for (v, u) in v[from * BLOCK..].iter_mut().zip(&u[from * BLOCK..]) {
             *v = *v * inverse - 0.5 * d * u;
         }
-        for (t, z) in u.as_flattened()[p..].iter().enumerate().take(self.z.len() / p) {
+        for (t, z) in u[p..].iter().enumerate().take(self.z.len() / p) {
             self.z[t * p + j] = *z;
         }
-        self.l[j * p + j] = u.as_flattened()[j];
-        let behind = rows.chunks_exact_mut(width).zip(noise_rows.chunks_exact_mut(noise_width));
-        for (i, (row, noise_row)) in (j + 1..p).zip(behind) {
-            let (ui, vi) = (u.as_flattened()[i], v.as_flattened()[i]);
-            self.l[i * p + j] = ui;
-            let from = i / BLOCK;
-            for (row, u) in row[from..].iter_mut().zip(&u[from..]) {
-                (0..BLOCK).for_each(|k| row[k] -= ui * u[k]);
-            }
-            for ((row, u), v) in noise_row[from..].iter_mut().zip(&u[from..]).zip(&v[from..]) {
-                (0..BLOCK).for_each(|k| row[k] -= ui * v[k] + vi * u[k]);
+        self.l[j * p + j] = u[j];
+        self.kept.push(Kept { row: j, ..Kept::default() });
+    }
+
+    /// Takes the earlier rows out of `N` blocks of A's and b's row `j` from block `at` on.
+    #[inline(always)]
+    fn take_from_system<const N: usize>(&mut self, j: usize, at: usize) {
+        let mut sums = *self.system.blocks::<N>(j, at);
+        for kept in &self.kept {
+            let u = self.system.blocks::<N>(kept.row, at);
+            for (sums, u) in sums.iter_mut().zip(u) {
+                (0..BLOCK).for_each(|k| sums[k] -= kept.u * u[k]);
             }
         }
+        let start = j * self.system.width + at;
+        self.system.data[start..start + N].copy_from_slice(&sums);
+    }
+
+    /// The same of B.
+    #[inline(always)]
+    fn take_from_noise<const N: usize>(&mut self, j: usize, at: usize) {
+        let mut sums = *self.noise.blocks::<N>(j, at);
+        for kept in &self.kept {
+            let (u, v) = (self.system.blocks::<N>(kept.row, at), self.noise.blocks::<N>(kept.row, at));
+            for ((sums, u), v) in sums.iter_mut().zip(u).zip(v) {
+                (0..BLOCK).for_each(|k| sums[k] -= kept.u * v[k] + kept.v * u[k]);
+            }
+        }
+        let start = j * self.noise.width + at;
+        self.noise.data[start..start + N].copy_from_slice(&sums);
     }
 
     /// L⁻¹ b of right-hand side `t`.

@@ -3,9 +3,9 @@
 //! For the columns x_0 … x_{p−1} of the design, the right-hand sides that follow them, weights w and
 //! noise variances σ² it accumulates (method of one factorisation for every order)
 //!
-//! - A = Σ w x xᵀ, lower triangle, p × p
-//! - B = Σ w² σ² x xᵀ, lower triangle, p × p
-//! - b = Σ w x y for every right-hand side y, r × p
+//! - A = Σ w x xᵀ, upper triangle, p × p, and behind each of its rows
+//! - b = Σ w x y for every right-hand side y, p × r
+//! - B = Σ w² σ² x xᵀ, upper triangle, p × p
 //!
 //! in `f32` lanes: a window has some hundred pixels, so a lane adds a few dozen products and the sums
 //! are good to about 1e-6 of √(A_ii A_jj). The fit's pivot threshold is three orders above that.
@@ -39,15 +39,13 @@ pub struct Columns<'a> {
     pub weighted_noise: &'a [f32],
 }
 
-/// The sums of one window; only the lower triangles (`row ≥ column`) of `a` and `b` are filled.
+/// The sums of one window; only the upper triangles (`row ≤ column`) are filled.
 #[derive(Debug, Clone, Default)]
 pub struct Gram {
-    /// Σ w x xᵀ, row major, p × p.
+    /// Σ w x xᵀ and Σ w x y, row major, p × (p + r).
     pub a: Vec<f32>,
     /// Σ w² σ² x xᵀ, row major, p × p.
     pub b: Vec<f32>,
-    /// Σ w x y, one row of p for every right-hand side.
-    pub rhs: Vec<f32>,
     /// Scratch: w·x and w²σ²·x of the two columns at hand.
     products: Vec<f32>,
 }
@@ -56,9 +54,8 @@ pub struct Gram {
 pub fn accumulate(arch: Arch, columns: Columns<'_>, gram: &mut Gram) {
     let Columns { p, r, stride, .. } = columns;
     debug_assert!(stride.is_multiple_of(LANES) && columns.data.len() == (p + r) * stride);
-    gram.a.resize(p * p, 0.0);
+    gram.a.resize(p * (p + r), 0.0);
     gram.b.resize(p * p, 0.0);
-    gram.rhs.resize(r * p, 0.0);
     gram.products.resize(4 * stride, 0.0);
     arch.dispatch(Kernel { columns, gram });
 }
@@ -76,7 +73,8 @@ impl WithSimd for Kernel<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let Columns { data, stride, p, r, weights, weighted_noise } = self.columns;
-        let Gram { a, b, rhs, products } = self.gram;
+        let Gram { a, b, products } = self.gram;
+        let width = p + r;
         let column = |j: usize| S::as_simd_f32s(&data[j * stride..(j + 1) * stride]).0;
         let (w, wn) = (S::as_simd_f32s(weights).0, S::as_simd_f32s(weighted_noise).0);
 
@@ -102,20 +100,20 @@ impl WithSimd for Kernel<'_> {
                 let at = [j, (j + 1).min(p - 1), (j + 2).min(p - 1)];
                 let x = at.map(column);
                 let sums = dots12(simd, [u0, u1, v0, v1], x);
-                for (n, &row) in at.iter().enumerate() {
-                    a[row * p + i] = simd.reduce_sum_f32s(sums[n]);
-                    b[row * p + i] = simd.reduce_sum_f32s(sums[6 + n]);
-                    if row >= second {
-                        a[row * p + second] = simd.reduce_sum_f32s(sums[3 + n]);
-                        b[row * p + second] = simd.reduce_sum_f32s(sums[9 + n]);
+                for (n, &column) in at.iter().enumerate() {
+                    a[i * width + column] = simd.reduce_sum_f32s(sums[n]);
+                    b[i * p + column] = simd.reduce_sum_f32s(sums[6 + n]);
+                    if column >= second {
+                        a[second * width + column] = simd.reduce_sum_f32s(sums[3 + n]);
+                        b[second * p + column] = simd.reduce_sum_f32s(sums[9 + n]);
                     }
                 }
                 j += 3;
             }
             for t in 0..r {
                 let sums = dots2(simd, [u0, u1], column(p + t));
-                rhs[t * p + i] = simd.reduce_sum_f32s(sums[0]);
-                rhs[t * p + second] = simd.reduce_sum_f32s(sums[1]);
+                a[i * width + p + t] = simd.reduce_sum_f32s(sums[0]);
+                a[second * width + p + t] = simd.reduce_sum_f32s(sums[1]);
             }
             i += 2;
         }
@@ -217,15 +215,14 @@ pub fn scalar(columns: Columns<'_>) -> Gram {
     let Columns { data, stride, p, r, weights, weighted_noise } = columns;
     let x = |j: usize, n: usize| f64::from(data[j * stride + n]);
     let sum = |f: &dyn Fn(usize) -> f64| (0..stride).map(f).sum::<f64>() as f32;
-    let mut gram = Gram { a: vec![0.0; p * p], b: vec![0.0; p * p], rhs: vec![0.0; r * p], products: vec![] };
+    let mut gram = Gram { a: vec![0.0; p * (p + r)], b: vec![0.0; p * p], products: vec![] };
     for i in 0..p {
         let w = |n: usize| f64::from(weights[n]);
-        for j in i..p {
-            gram.a[j * p + i] = sum(&|n| w(n) * x(i, n) * x(j, n));
-            gram.b[j * p + i] = sum(&|n| w(n) * f64::from(weighted_noise[n]) * x(i, n) * x(j, n));
+        for j in i..p + r {
+            gram.a[i * (p + r) + j] = sum(&|n| w(n) * x(i, n) * x(j, n));
         }
-        for t in 0..r {
-            gram.rhs[t * p + i] = sum(&|n| w(n) * x(i, n) * x(p + t, n));
+        for j in i..p {
+            gram.b[i * p + j] = sum(&|n| w(n) * f64::from(weighted_noise[n]) * x(i, n) * x(j, n));
         }
     }
     gram
@@ -258,20 +255,14 @@ mod tests {
             for (tier, sum) in tiers() {
                 // What a kernel does not write stays NaN and is found.
                 let unwritten = |n: usize| vec![f32::NAN; n];
-                let mut fast = Gram {
-                    a: unwritten(p * p),
-                    b: unwritten(p * p),
-                    rhs: unwritten(r * p),
-                    products: unwritten(4 * stride),
-                };
+                let mut fast =
+                    Gram { a: unwritten(p * (p + r)), b: unwritten(p * p), products: unwritten(4 * stride) };
                 sum(columns, &mut fast);
-                for (fast, slow, triangle) in
-                    [(&fast.a, &slow.a, true), (&fast.b, &slow.b, true), (&fast.rhs, &slow.rhs, false)]
-                {
+                for (fast, slow, width) in [(&fast.a, &slow.a, p + r), (&fast.b, &slow.b, p)] {
                     assert_eq!(fast.len(), slow.len());
                     for (index, (f, s)) in fast.iter().zip(slow).enumerate() {
-                        if triangle && index % p > index / p {
-                            continue; // above the diagonal nobody reads
+                        if index % width < index / width {
+                            continue; // below the diagonal nobody reads
                         }
                         assert!((f - s).abs() < 2e-5, "{tier}, p {p}, entry {index}: {f} against {s}");
                     }
