@@ -5,7 +5,7 @@
 //! channels before dividing; here every channel is divided by itself, and then [`Channels`] decides.
 
 use crate::denoise::vectors;
-use crate::denoise::weights::{Guide, exp_negative, whole_blocks};
+use crate::denoise::weights::{Guide, exp_negative};
 use crate::image::Plane;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -83,7 +83,7 @@ impl Patches {
     pub fn distances(&self, rows: Range<usize>, offset: [isize; 2], scratch: &mut Scratch, out: &mut [f32]) {
         let (width, f) = (self.size.0, self.patch_radius);
         let patch = 2 * f + 1;
-        scratch.delta.resize(whole_blocks(width + 2 * f), 0.0);
+        scratch.delta.resize(width + 2 * f, 0.0);
         scratch.boxed.resize((rows.len() + 2 * f) * width, 0.0);
         scratch.channel.resize(out.len(), 0.0);
         let mean = self.channels == Channels::Mean;

@@ -6,8 +6,8 @@
 use super::samples::Samples;
 use crate::image::Plane;
 
-/// Exponents of x and y, order by order.
-const MONOMIALS: [(i32, i32); 9] = [(1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (3, 0), (2, 1), (1, 2), (0, 3)];
+/// Of which two earlier monomials each is the product, order by order, from x² on behind x and y.
+const PRODUCTS: [(usize, usize); 7] = [(0, 0), (0, 1), (1, 1), (2, 0), (2, 1), (0, 4), (4, 1)];
 
 /// Columns of the polynomial up to order 0, 1, 2, 3, without the constant.
 const MONOMIALS_UP_TO: [usize; 4] = [0, 2, 5, 9];
@@ -15,25 +15,17 @@ const MONOMIALS_UP_TO: [usize; 4] = [0, 2, 5, 9];
 /// The design of all windows of one radius.
 #[derive(Debug, Clone)]
 pub struct Basis {
-    radius: usize,
     features: usize,
     max_order: usize,
-    /// The monomials over a full window, one behind the other.
-    monomials: Vec<f32>,
+    /// x or y of the columns or rows of a full window.
+    coordinates: Vec<f32>,
 }
 
 impl Basis {
     /// A basis of `features` planes and polynomials up to `max_order`.
     pub fn new(radius: usize, features: usize, max_order: usize) -> Self {
-        let side = 2 * radius + 1;
-        let coordinate = |i: usize| (i as f32 - radius as f32) / radius as f32;
-        let mut monomials = Vec::new();
-        for (a, b) in &MONOMIALS[..MONOMIALS_UP_TO[max_order]] {
-            for y in 0..side {
-                monomials.extend((0..side).map(|x| coordinate(x).powi(*a) * coordinate(y).powi(*b)));
-            }
-        }
-        Self { radius, features, max_order, monomials }
+        let coordinates = (0..=2 * radius).map(|i| (i as f32 - radius as f32) / radius as f32).collect();
+        Self { features, max_order, coordinates }
     }
 
     /// Number of columns of the model of `order`.
@@ -62,19 +54,24 @@ impl Basis {
         centre: impl Fn(usize) -> f32,
         columns: &mut [f32],
     ) {
-        let part = samples.of_frame(frame);
-        let mut columns = columns.chunks_exact_mut(samples.stride()).map(|column| &mut column[part.clone()]);
-        if let Some(constant) = columns.next() {
-            constant.fill(1.0);
+        let (part, stride) = (samples.of_frame(frame), samples.stride());
+        let (constant, rest) = columns.split_at_mut(stride);
+        let (of_features, monomials) = rest.split_at_mut(self.features * stride);
+        constant[part.clone()].fill(1.0);
+        for ((f, feature), column) in features.iter().enumerate().zip(of_features.chunks_exact_mut(stride)) {
+            samples.gather(feature, part.clone(), centre(f), &mut column[part.clone()]);
         }
-        for ((f, feature), column) in features.iter().enumerate().zip(&mut columns) {
-            samples.gather(feature, part.clone(), centre(f), column);
+        let monomials = &mut monomials[..MONOMIALS_UP_TO[self.max_order] * stride];
+        for (axis, column) in monomials.chunks_exact_mut(stride).take(2).enumerate() {
+            for (value, spot) in column[part.clone()].iter_mut().zip(samples.spots(part.clone())) {
+                *value = self.coordinates[usize::from(spot[axis])];
+            }
         }
-        let side = 2 * self.radius + 1;
-        let spots = samples.spots(part.clone());
-        for (monomial, column) in self.monomials.chunks_exact(side * side).zip(columns) {
-            for (value, spot) in column.iter_mut().zip(spots) {
-                *value = monomial[usize::from(spot[1]) * side + usize::from(spot[0])];
+        for (n, &(a, b)) in (2..monomials.len() / stride).zip(&PRODUCTS) {
+            let (earlier, new) = monomials.split_at_mut(n * stride);
+            let factor = |of: usize| &earlier[of * stride..][part.clone()];
+            for ((value, a), b) in new[part.clone()].iter_mut().zip(factor(a)).zip(factor(b)) {
+                *value = a * b;
             }
         }
     }
@@ -92,7 +89,7 @@ mod tests {
         let basis = Basis::new(2, 1, 2);
         assert_eq!((basis.columns(), basis.columns_up_to(0)), (7, 2));
         let mut samples = Samples::default();
-        samples.add_frame(&window, 2, 6, &[0.0; 40], 1.0, None);
+        samples.add_frame(&window, 2, 6, &[0.0; 80], 1.0, None);
         let stride = samples.stride();
         let mut out = vec![0.0; basis.columns() * stride];
         basis.fill(&samples, 0, std::slice::from_ref(&feature), |_| feature.get(1, 3), &mut out);

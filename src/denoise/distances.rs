@@ -4,8 +4,9 @@
 //! p + offset is part of it for every centre whose patch holds p: nine of them where patches are 3×3. So the
 //! differences of a pixel and all of its window are kept until the centres have moved on.
 
-use super::weights::{BLOCK, Guide, distance_stride};
+use super::weights::{Guide, distance_stride};
 use crate::options::MAX_PATCH_RADIUS;
+use pulp::Simd;
 
 /// Pixels of a row whose differences are kept: a tile of centres and the largest patches around it.
 const COLUMNS: usize = 40;
@@ -55,22 +56,24 @@ impl Distances {
     /// all offsets of the window in each of them: frame by frame, 2·radius + 1 rows of [`distance_stride`].
     /// Offsets outside the picture have a value as well.
     #[inline(always)]
-    pub fn of<'g>(
+    pub fn of<'g, S: Simd>(
         &mut self,
+        simd: S,
         kind: Kind,
         centre: [usize; 2],
         guides: impl Iterator<Item = &'g Guide> + Clone,
     ) -> &[f32] {
         if self.held != Some((kind, centre)) {
-            self.compare(kind, centre.map(|at| at as isize), guides);
+            self.compare(simd, kind, centre.map(|at| at as isize), guides);
             self.held = Some((kind, centre));
         }
         &self.distances
     }
 
     #[inline(always)]
-    fn compare<'g>(
+    fn compare<'g, S: Simd>(
         &mut self,
+        simd: S,
         kind: Kind,
         [x, y]: [isize; 2],
         guides: impl Iterator<Item = &'g Guide> + Clone,
@@ -84,21 +87,19 @@ impl Distances {
         let (mut patch, mut pixels) = ([0; LARGEST_PATCH], 0);
         for py in -reach..=reach {
             for px in -reach..=reach {
-                patch[pixels] = length * kept.see([x + px, y + py], self.radius, guides.clone());
+                patch[pixels] = length * kept.see(simd, [x + px, y + py], self.radius, guides.clone());
                 pixels += 1;
             }
         }
         let (patch, inverse) = (&patch[..pixels], 1.0 / pixels as f32);
-        for (block, out) in self.distances.chunks_exact_mut(BLOCK).enumerate() {
-            let mut sum = [0.0f32; BLOCK];
+        let differences = S::as_simd_f32s(&kept.differences).0;
+        let lanes = length / S::as_simd_f32s(&self.distances).0.len();
+        for (n, out) in S::as_mut_simd_f32s(&mut self.distances).0.iter_mut().enumerate() {
+            let mut sum = simd.splat_f32s(0.0);
             for from in patch {
-                let from = from + block * BLOCK;
-                let differences = &kept.differences[from..from + BLOCK];
-                for i in 0..BLOCK {
-                    sum[i] += differences[i];
-                }
+                sum = simd.add_f32s(sum, differences[from / lanes + n]);
             }
-            out.iter_mut().zip(sum).for_each(|(out, sum)| *out = sum * inverse);
+            *out = simd.mul_f32s(sum, simd.splat_f32s(inverse));
         }
     }
 }
@@ -120,8 +121,9 @@ impl Kept {
 
     /// Sees to it that the differences of `pixel` are there, and tells at which place.
     #[inline(always)]
-    fn see<'g>(
+    fn see<'g, S: Simd>(
         &mut self,
+        simd: S,
         pixel: [isize; 2],
         radius: usize,
         guides: impl Iterator<Item = &'g Guide> + Clone,
@@ -133,7 +135,7 @@ impl Kept {
         let length = self.differences.len() / self.pixels.len();
         let out = &mut self.differences[place * length..(place + 1) * length];
         for (guide, out) in guides.zip(out.chunks_exact_mut(square(radius))) {
-            here.differences(guide, pixel, radius, out);
+            here.differences(simd, guide, pixel, radius, out);
         }
         self.pixels[place] = Some(pixel);
         place
@@ -152,20 +154,25 @@ mod tests {
 
     const COLOR: Kind = Kind { patch_radius: 1, demodulated: false };
 
+    /// A guide of three equal channels.
+    fn colour(u: &Plane, v: &Plane) -> Guide {
+        Guide::new(&[u, u, u].map(Plane::clone), &[v, v, v].map(Plane::clone), 2, 1)
+    }
+
     fn guide(shift: usize) -> Guide {
         let u = Plane::from_fn(57, 9, |x, y| ((x * 7 + y * 13 + shift) % 11) as f32);
         let v = Plane::from_fn(57, 9, |x, _| 0.5 + x as f32);
-        Guide::new(&[u], &[v], 2, 1)
+        colour(&u, &v)
     }
 
     #[test]
     fn the_distance_is_that_of_the_formula_and_forgives_noise() {
         let u = Plane::from_fn(7, 5, |x, y| (x * x + 3 * y) as f32);
         let v = Plane::from_fn(7, 5, |x, _| 0.5 + x as f32);
-        let guide = Guide::new(std::slice::from_ref(&u), std::slice::from_ref(&v), 2, 1);
+        let guide = colour(&u, &v);
         let row = distance_stride(2);
         let mut distances = Distances::new(2, 1);
-        let out = distances.of(COLOR, [3, 2], std::iter::once(&guide));
+        let out = distances.of(pulp::Scalar, COLOR, [3, 2], std::iter::once(&guide));
         assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
         let mut expected = 0.0;
         for (py, px) in (0..3).flat_map(|y| (0..3).map(move |x| (y, x))) {
@@ -186,8 +193,8 @@ mod tests {
         let centres = (0..9).flat_map(|y| (0..57).map(move |x| [x, y])).filter(|[x, y]| (x + y) % 5 < 3);
         for centre in centres.chain([[0, 0], [40, 0], [0, 0], [0, 3], [56, 8]]) {
             for kind in [COLOR, other] {
-                let fresh = Distances::new(2, 2).of(kind, centre, guides()).to_vec();
-                assert_eq!(kept.of(kind, centre, guides()), fresh, "{centre:?}");
+                let fresh = Distances::new(2, 2).of(pulp::Scalar, kind, centre, guides()).to_vec();
+                assert_eq!(kept.of(pulp::Scalar, kind, centre, guides()), fresh, "{centre:?}");
             }
         }
     }

@@ -74,108 +74,104 @@ impl WithSimd for Kernel<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Columns { data, stride, p, r, weights, weighted_noise } = self.columns;
         let Gram { a, b, products } = self.gram;
-        let width = p + r;
-        let column = |j: usize| S::as_simd_f32s(&data[j * stride..(j + 1) * stride]).0;
+        let (data, width) = (S::as_simd_f32s(data).0, p + r);
         let (w, wn) = (S::as_simd_f32s(weights).0, S::as_simd_f32s(weighted_noise).0);
+        let (products, vectors) = (S::as_mut_simd_f32s(products).0, w.len());
+        debug_assert!(vectors * size_of::<S::f32s>() == stride * size_of::<f32>());
+        let column = |j: usize| &data[j * vectors..(j + 1) * vectors];
 
         let mut i = 0;
         while i < p {
             let second = (i + 1).min(p - 1); // an odd last column is paired with itself
-            let (u, v) = products.split_at_mut(2 * stride);
+            let [u0, u1, v0, v1] = parts_of(products, vectors);
+            for ((((((u0, u1), v0), v1), &x0), &x1), (&w, &wn)) in
+                u0.iter_mut().zip(u1).zip(v0).zip(v1).zip(column(i)).zip(column(second)).zip(w.iter().zip(wn))
             {
-                let (u0, u1) = S::as_mut_simd_f32s(u).0.split_at_mut(w.len());
-                let (v0, v1) = S::as_mut_simd_f32s(v).0.split_at_mut(w.len());
-                let (x0, x1) = (column(i), column(second));
-                for k in 0..w.len() {
-                    u0[k] = simd.mul_f32s(w[k], x0[k]);
-                    u1[k] = simd.mul_f32s(w[k], x1[k]);
-                    v0[k] = simd.mul_f32s(wn[k], u0[k]);
-                    v1[k] = simd.mul_f32s(wn[k], u1[k]);
-                }
+                *u0 = simd.mul_f32s(w, x0);
+                *u1 = simd.mul_f32s(w, x1);
+                *v0 = simd.mul_f32s(wn, *u0);
+                *v1 = simd.mul_f32s(wn, *u1);
             }
-            let (u0, u1) = S::as_simd_f32s(u).0.split_at(w.len());
-            let (v0, v1) = S::as_simd_f32s(v).0.split_at(w.len());
+            let [u0, u1, v0, v1] = parts_of(products, vectors).map(|part| &*part);
             let mut j = i;
             while j < p {
                 let at = [j, (j + 1).min(p - 1), (j + 2).min(p - 1)];
-                let x = at.map(column);
-                let sums = dots12(simd, [u0, u1, v0, v1], x);
+                let sums = dots(simd, [u0, u1, v0, v1], at.map(column));
                 for (n, &column) in at.iter().enumerate() {
-                    a[i * width + column] = simd.reduce_sum_f32s(sums[n]);
-                    b[i * p + column] = simd.reduce_sum_f32s(sums[6 + n]);
+                    a[i * width + column] = simd.reduce_sum_f32s(sums[0][n]);
+                    b[i * p + column] = simd.reduce_sum_f32s(sums[2][n]);
                     if column >= second {
-                        a[second * width + column] = simd.reduce_sum_f32s(sums[3 + n]);
-                        b[second * p + column] = simd.reduce_sum_f32s(sums[9 + n]);
+                        a[second * width + column] = simd.reduce_sum_f32s(sums[1][n]);
+                        b[second * p + column] = simd.reduce_sum_f32s(sums[3][n]);
                     }
                 }
                 j += 3;
             }
-            for t in 0..r {
-                let sums = dots2(simd, [u0, u1], column(p + t));
-                a[i * width + p + t] = simd.reduce_sum_f32s(sums[0]);
-                a[second * width + p + t] = simd.reduce_sum_f32s(sums[1]);
+            let mut j = p;
+            while j < width {
+                let at = [j, (j + 1).min(width - 1), (j + 2).min(width - 1)];
+                let sums = dots(simd, [u0, u1], at.map(column));
+                for (n, &column) in at.iter().enumerate() {
+                    a[i * width + column] = simd.reduce_sum_f32s(sums[0][n]);
+                    a[second * width + column] = simd.reduce_sum_f32s(sums[1][n]);
+                }
+                j += 3;
             }
             i += 2;
         }
     }
 }
 
-/// The twelve dot products of four columns with three, index `3·left + right`.
+/// The first `N` parts of `length`.
 #[inline(always)]
-fn dots12<S: Simd>(simd: S, left: [&[S::f32s]; 4], right: [&[S::f32s]; 3]) -> [S::f32s; 12] {
-    let mut totals = [simd.splat_f32s(0.0); 12];
-    for part in parts(right[0].len()) {
-        let left = left.map(|column| &column[part.clone()]);
-        let sums = dots12_of_part(simd, left, right.map(|column| &column[part.clone()]));
-        totals.iter_mut().zip(sums).for_each(|(total, sum)| *total = simd.add_f32s(*total, sum));
+fn parts_of<T, const N: usize>(mut all: &mut [T], length: usize) -> [&mut [T]; N] {
+    std::array::from_fn(|_| {
+        let (part, rest) = std::mem::take(&mut all).split_at_mut(length);
+        all = rest;
+        part
+    })
+}
+
+/// The dot products of `L` columns with three.
+#[inline(always)]
+fn dots<S: Simd, const L: usize>(
+    simd: S,
+    left: [&[S::f32s]; L],
+    right: [&[S::f32s]; 3],
+) -> [[S::f32s; 3]; L] {
+    let vectors = right[0].len();
+    let mut totals = dots_of_part(simd, left, right, 0, vectors.min(CHAIN));
+    let mut start = CHAIN;
+    while start < vectors {
+        let sums = dots_of_part(simd, left, right, start, vectors.min(start + CHAIN));
+        for (totals, sums) in totals.iter_mut().zip(sums) {
+            totals.iter_mut().zip(sums).for_each(|(total, sum)| *total = simd.add_f32s(*total, sum));
+        }
+        start += CHAIN;
     }
     totals
 }
 
+/// The same of the vectors from `start` to `end`.
 #[inline(always)]
-fn dots12_of_part<S: Simd>(simd: S, left: [&[S::f32s]; 4], right: [&[S::f32s]; 3]) -> [S::f32s; 12] {
-    let mut sums = [simd.splat_f32s(0.0); 12];
-    let [l0, l1, l2, l3] = left;
-    let [r0, r1, r2] = right;
-    for ((((((&l0, &l1), &l2), &l3), &r0), &r1), &r2) in
-        l0.iter().zip(l1).zip(l2).zip(l3).zip(r0).zip(r1).zip(r2)
-    {
-        sums[0] = simd.mul_add_e_f32s(l0, r0, sums[0]);
-        sums[1] = simd.mul_add_e_f32s(l0, r1, sums[1]);
-        sums[2] = simd.mul_add_e_f32s(l0, r2, sums[2]);
-        sums[3] = simd.mul_add_e_f32s(l1, r0, sums[3]);
-        sums[4] = simd.mul_add_e_f32s(l1, r1, sums[4]);
-        sums[5] = simd.mul_add_e_f32s(l1, r2, sums[5]);
-        sums[6] = simd.mul_add_e_f32s(l2, r0, sums[6]);
-        sums[7] = simd.mul_add_e_f32s(l2, r1, sums[7]);
-        sums[8] = simd.mul_add_e_f32s(l2, r2, sums[8]);
-        sums[9] = simd.mul_add_e_f32s(l3, r0, sums[9]);
-        sums[10] = simd.mul_add_e_f32s(l3, r1, sums[10]);
-        sums[11] = simd.mul_add_e_f32s(l3, r2, sums[11]);
+fn dots_of_part<S: Simd, const L: usize>(
+    simd: S,
+    left: [&[S::f32s]; L],
+    right: [&[S::f32s]; 3],
+    start: usize,
+    end: usize,
+) -> [[S::f32s; 3]; L] {
+    let mut sums = [[simd.splat_f32s(0.0); 3]; L];
+    let (left, right) = (left.map(|column| &column[start..end]), right.map(|column| &column[start..end]));
+    for k in 0..end - start {
+        let right = right.map(|column| column[k]);
+        for (sums, left) in sums.iter_mut().zip(left) {
+            for (sum, right) in sums.iter_mut().zip(right) {
+                *sum = simd.mul_add_e_f32s(left[k], right, *sum);
+            }
+        }
     }
     sums
-}
-
-/// The two dot products of two columns with one.
-#[inline(always)]
-fn dots2<S: Simd>(simd: S, left: [&[S::f32s]; 2], right: &[S::f32s]) -> [S::f32s; 2] {
-    let mut totals = [simd.splat_f32s(0.0); 2];
-    for part in parts(right.len()) {
-        let mut sums = [simd.splat_f32s(0.0); 2];
-        let left = left.map(|column| &column[part.clone()]);
-        for ((&l0, &l1), &y) in left[0].iter().zip(left[1]).zip(&right[part]) {
-            sums[0] = simd.mul_add_e_f32s(l0, y, sums[0]);
-            sums[1] = simd.mul_add_e_f32s(l1, y, sums[1]);
-        }
-        totals = [simd.add_f32s(totals[0], sums[0]), simd.add_f32s(totals[1], sums[1])];
-    }
-    totals
-}
-
-/// The parts of [`CHAIN`] vectors that a column of `vectors` is summed by.
-#[inline(always)]
-fn parts(vectors: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
-    (0..vectors).step_by(CHAIN).map(move |start| start..(start + CHAIN).min(vectors))
 }
 
 /// A way to fill a [`Gram`].

@@ -56,7 +56,7 @@ fn filter_band(
     let mut sums = vec![0.0; planes.len() * size];
     let mut total = vec![0.0; size];
     let patch = 2 * patch_radius + 1;
-    let mut delta = vec![0.0; weights::whole_blocks(width + 2 * patch_radius)];
+    let mut delta = vec![0.0; width + 2 * patch_radius];
     let mut boxed = vec![0.0; (rows.len() + 2 * patch_radius) * width];
     let (mut distance, mut weight) = (vec![0.0; width], vec![0.0; width]);
     let r = radius as isize;

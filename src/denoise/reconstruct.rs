@@ -267,6 +267,7 @@ fn center(
     // do not join the average, and the coverage test sees the gap. Black blotches were what they left.
     let least: [f32; 3] =
         std::array::from_fn(|c| window.least(problem.targets[c]).min(0.0) - SWING * options.dark_level);
+    let mut amounts: Vec<f32> = vec![];
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
         let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);
@@ -274,19 +275,27 @@ fn center(
         // In the first stage the risk is that of noisy data: it would favour chance.
         let trust = if problem.pilot.is_some() { (xi + floor).powf(-options.risk_power) } else { 1.0 };
         let own = fitted.samples.of_frame(0);
-        let spots = fitted.samples.spots(own.clone()).iter();
-        for (i, (spot, &k)) in spots.zip(fitted.samples.kernel()).enumerate() {
-            let value = |t: usize| fitted.predicted[t * own.len() + i];
-            let within = |t: usize| value(t).abs() <= LARGEST_PREDICTION && (t >= 3 || value(t) >= least[t]);
-            if !(0..problem.targets.len()).all(within) {
+        let spots = fitted.samples.spots(own.clone());
+        amounts.clear();
+        amounts.extend(spots.iter().zip(fitted.samples.kernel()).map(|(spot, k)| {
+            let [x, y] = spot.map(usize::from);
+            k * trust * taper[x] * taper[y]
+        }));
+        for (t, predicted) in fitted.predicted.chunks_exact(own.len()).enumerate() {
+            let least = least.get(t).copied().unwrap_or(f32::NEG_INFINITY);
+            for (a, value) in amounts.iter_mut().zip(predicted) {
+                *a = if value.abs() <= LARGEST_PREDICTION && *value >= least { *a } else { -1.0 };
+            }
+        }
+        for (i, ((spot, &k), &a)) in spots.iter().zip(fitted.samples.kernel()).zip(&*amounts).enumerate() {
+            if a < 0.0 {
                 continue;
             }
             let [x, y] = spot.map(usize::from);
-            let a = k * trust * taper[x] * taper[y];
             let pixel = sums.pixel(cx + x - options.window_radius, cy + y - options.window_radius);
             let (targets, extra) = pixel.split_at_mut(problem.targets.len());
-            for (t, sum) in targets.iter_mut().enumerate() {
-                *sum += a * value(t);
+            for (sum, predicted) in targets.iter_mut().zip(fitted.predicted.chunks_exact(own.len())) {
+                *sum += a * predicted[i];
             }
             for (sum, term) in extra.iter_mut().zip([a, a * xi, a * order, k]) {
                 *sum += term;

@@ -137,10 +137,10 @@ mod tests {
     fn what_has_weight_is_kept_in_its_place() {
         let plane = Plane::from_fn(6, 4, |x, y| (x + 10 * y) as f32);
         let window = Window::new(0, 3, 1, (6, 4)); // columns 0..2, rows 2..4
-        // Of an unclipped window: 3 rows of 8, of which the columns 1 and 2 and the rows 0 and 1 are inside.
+        // Of an unclipped window: 3 rows of 16, of which the columns 1 and 2 and the rows 0 and 1 are inside.
         let distances = |of: [f32; 4]| {
-            let mut all = [0.0; 24];
-            [1, 2, 9, 10].into_iter().zip(of).for_each(|(at, distance)| all[at] = distance);
+            let mut all = [0.0; 3 * LANES];
+            [1, 2, LANES + 1, LANES + 2].into_iter().zip(of).for_each(|(at, distance)| all[at] = distance);
             all
         };
         let trust = Plane::from_fn(6, 4, |x, y| if (x, y) == (0, 2) { 0.5 } else { 0.0 });

@@ -116,8 +116,8 @@ impl WithSimd for Run<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) {
-        self.solver.run(self.window, self.kernel);
+    fn with_simd<S: Simd>(self, simd: S) {
+        self.solver.run(simd, self.window, self.kernel);
     }
 }
 
@@ -151,9 +151,9 @@ impl<'a> Solver<'a> {
     }
 
     #[inline(always)]
-    fn run(&mut self, window: &Window, kernel: Kernel) {
+    fn run<S: Simd>(&mut self, simd: S, window: &Window, kernel: Kernel) {
         let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
-        self.weigh(window, kernel, demodulation);
+        self.weigh(simd, window, kernel, demodulation);
         if self.samples.is_one() {
             return self.keep(window);
         }
@@ -209,7 +209,13 @@ impl<'a> Solver<'a> {
 
     /// K_h of every sample.
     #[inline(always)]
-    fn weigh(&mut self, window: &Window, kernel: Kernel, demodulation: Option<Demodulation<'_>>) {
+    fn weigh<S: Simd>(
+        &mut self,
+        simd: S,
+        window: &Window,
+        kernel: Kernel,
+        demodulation: Option<Demodulation<'_>>,
+    ) {
         let Problem { guide, beside, options, .. } = self.problem;
         let radius = options.window_radius;
         let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>| {
@@ -218,7 +224,7 @@ impl<'a> Solver<'a> {
         let here = chosen(guide, self.problem.albedo);
         let guides = std::iter::once(here).chain(beside.iter().map(|b| chosen(b.guide, b.albedo)));
         let kind = Kind { patch_radius: kernel.patch_radius, demodulated: demodulation.is_some() };
-        let distances = self.distances.of(kind, [window.cx, window.cy], guides);
+        let distances = self.distances.of(simd, kind, [window.cx, window.cy], guides);
         self.samples.clear();
         let columns = self.problem.targets[0].width();
         for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {

@@ -7,7 +7,9 @@
 //! `[choice]` numerator and denominator are summed over the channels before the division, where the
 //! paper divides channel by channel: relMSE ×0.94 over three scenes at 64 spp, and a third of the divisions.
 
+use super::gram::LANES;
 use crate::image::Plane;
+use pulp::Simd;
 
 /// Keeps the distance finite where neither pixel has any noise.
 const DISTANCE_EPSILON: f32 = 1e-10;
@@ -17,9 +19,6 @@ const FARTHEST: f32 = 2.995_732;
 
 /// Guides are limited to this, so that squared differences stay finite.
 const LARGEST_GUIDE: f32 = 1e15;
-
-/// Samples that the inner loops take at once.
-pub const BLOCK: usize = 8;
 
 /// Planes to compare pixels by, each with the variance of its noise, padded by replication.
 #[derive(Debug, Clone)]
@@ -32,21 +31,16 @@ pub struct Guide {
     pad: usize,
 }
 
-/// Samples from one row of a window's distances to the next.
+/// Samples from one row of a window's distances to the next: whole vectors.
 pub fn distance_stride(radius: usize) -> usize {
-    whole_blocks(2 * radius + 1)
-}
-
-/// `samples`, rounded up to what the inner loops take at once; a guide's rows have room for it.
-pub fn whole_blocks(samples: usize) -> usize {
-    samples.next_multiple_of(BLOCK)
+    (2 * radius + 1).next_multiple_of(LANES)
 }
 
 impl Guide {
     /// A guide for windows of `window_radius` and patches of up to `patch_radius`.
     pub fn new(planes: &[Plane], variances: &[Plane], window_radius: usize, patch_radius: usize) -> Self {
         let pad = window_radius + patch_radius;
-        let stride = planes[0].width() + 2 * pad + BLOCK;
+        let stride = planes[0].width() + 2 * pad + LANES; // whole vectors of a window in the last column too
         let padded = |plane: &Plane, low: f32, high: f32| {
             let (w, h) = plane.size();
             let mut out = Vec::with_capacity(stride * (h + 2 * pad));
@@ -69,40 +63,50 @@ impl Guide {
     }
 
     /// Writes the differences of the pixel at column `x` and row `y` and all pixels of the window around it in
-    /// `other`, a guide of the same kind (or this one): `2·radius + 1` rows of [`distance_stride`]; pixels
-    /// outside the picture have a value as well.
+    /// `other`, both guides of a colour: `2·radius + 1` rows of [`distance_stride`]; pixels outside the picture
+    /// have a value as well.
     #[inline(always)]
-    pub fn differences(&self, other: &Self, [x, y]: [isize; 2], radius: usize, out: &mut [f32]) {
+    pub fn differences<S: Simd>(
+        &self,
+        simd: S,
+        other: &Self,
+        [x, y]: [isize; 2],
+        radius: usize,
+        out: &mut [f32],
+    ) {
         let at = |x: isize, y: isize| {
             ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize) as usize
         };
-        let (p, radius) = (at(x, y), radius as isize);
-        let rows = out.chunks_exact_mut(distance_stride(radius as usize));
-        for (out, y) in rows.zip(y - radius..) {
+        let (p, length, radius) = (at(x, y), distance_stride(radius), radius as isize);
+        let all = |value: f32| simd.splat_f32s(value);
+        let here: [_; 3] = std::array::from_fn(|c| [all(self.planes[c][p]), all(self.variances[c][p])]);
+        let (noise, least) = (all(self.noise[p]), all(DISTANCE_EPSILON + self.noise[p]));
+        for (out, y) in out.chunks_exact_mut(length).zip(y - radius..) {
             let row = at(x - radius, y);
-            for (block, out) in out.chunks_exact_mut(BLOCK).enumerate() {
-                let q = row + block * BLOCK;
-                let mut numerator = [0.0f32; BLOCK];
-                let here = self.planes.iter().zip(&self.variances);
-                for ((plane, variance), (planes, variances)) in
-                    here.zip(other.planes.iter().zip(&other.variances))
-                {
-                    let (up, vp) = (plane[p], variance[p]);
-                    let (uq, vq) = (&planes[q..q + BLOCK], &variances[q..q + BLOCK]);
-                    for i in 0..BLOCK {
-                        numerator[i] += excess((up, vp), (uq[i], vq[i]));
-                    }
+            let there: [_; 3] = std::array::from_fn(|c| {
+                vectors::<S>(&other.planes[c], row, length).zip(vectors::<S>(
+                    &other.variances[c],
+                    row,
+                    length,
+                ))
+            });
+            let [red, green, blue] = there;
+            let there = red.zip(green).zip(blue).zip(vectors::<S>(&other.noise, row, length));
+            for ((((red, green), blue), &other), out) in there.zip(S::as_mut_simd_f32s(out).0) {
+                let mut numerator = all(0.0);
+                for ([value, variance], (&v, &n)) in here.into_iter().zip([red, green, blue]) {
+                    let difference = simd.sub_f32s(value, v);
+                    let excess =
+                        simd.sub_f32s(simd.mul_f32s(difference, difference), simd.min_f32s(variance, n));
+                    numerator = simd.add_f32s(numerator, excess);
                 }
-                let (noise, noises) = (self.noise[p], &other.noise[q..q + BLOCK]);
-                for i in 0..BLOCK {
-                    out[i] = difference(numerator[i], noise, noises[i]);
-                }
+                *out = simd.div_f32s(simd.sub_f32s(numerator, noise), simd.add_f32s(least, other));
             }
         }
     }
 
     /// Writes the difference of pixel p and p + offset for p in row `y` from column −`margin` on, as many
-    /// as `out` holds: at least those of the row and its margins, and whole blocks (see [`whole_blocks`]).
+    /// as `out` holds: at least those of the row and its margins.
     #[inline(always)]
     pub fn delta_row(&self, y: isize, [dx, dy]: [isize; 2], margin: usize, out: &mut [f32]) {
         let at = |x: isize, y: isize| {
@@ -110,22 +114,25 @@ impl Guide {
                 as usize
         };
         let (p, q) = (at(0, y), at(dx, y + dy));
-        for (c, out) in out.as_chunks_mut::<BLOCK>().0.iter_mut().enumerate() {
-            let cut = |from: usize| from + c * BLOCK..from + (c + 1) * BLOCK;
-            let mut numerator = [0.0f32; BLOCK];
-            for (plane, variance) in self.planes.iter().zip(&self.variances) {
-                let (up, uq) = (&plane[cut(p)], &plane[cut(q)]);
-                let (vp, vq) = (&variance[cut(p)], &variance[cut(q)]);
-                for i in 0..BLOCK {
-                    numerator[i] += excess((up[i], vp[i]), (uq[i], vq[i]));
-                }
-            }
-            let (np, nq) = (&self.noise[cut(p)], &self.noise[cut(q)]);
-            for i in 0..BLOCK {
-                out[i] = difference(numerator[i], np[i], nq[i]);
+        let (p, q) = (p..p + out.len(), q..q + out.len());
+        out.fill(0.0);
+        for (plane, variance) in self.planes.iter().zip(&self.variances) {
+            let here = plane[p.clone()].iter().zip(&variance[p.clone()]);
+            let there = plane[q.clone()].iter().zip(&variance[q.clone()]);
+            for ((out, (&up, &vp)), (&uq, &vq)) in out.iter_mut().zip(here).zip(there) {
+                *out += excess((up, vp), (uq, vq));
             }
         }
+        for ((out, np), nq) in out.iter_mut().zip(&self.noise[p]).zip(&self.noise[q]) {
+            *out = difference(*out, *np, *nq);
+        }
     }
+}
+
+/// `length` samples from `from` on, whole vectors.
+#[inline(always)]
+fn vectors<S: Simd>(samples: &[f32], from: usize, length: usize) -> std::slice::Iter<'_, S::f32s> {
+    S::as_simd_f32s(&samples[from..from + length]).0.iter()
 }
 
 /// What one channel of the pixels p and q, each a value and its variance, adds to the distance's numerator,
@@ -157,12 +164,12 @@ pub fn kernel(distances: &[f32], bandwidth: f32, weights: &mut [f32]) {
 pub fn near(distances: &[f32], bandwidth: f32) -> u32 {
     let farthest = FARTHEST * bandwidth * bandwidth;
     let mut near = 0;
-    for (b, block) in distances.as_chunks::<BLOCK>().0.iter().enumerate() {
+    for (b, block) in distances.as_chunks::<LANES>().0.iter().enumerate() {
         let mut bits = 0;
         for (i, distance) in block.iter().enumerate() {
             bits |= u32::from(*distance <= farthest) << i;
         }
-        near |= bits << (b * BLOCK);
+        near |= bits << (b * LANES);
     }
     near
 }
@@ -203,12 +210,12 @@ mod tests {
     fn rows_of_differences_agree_with_single_distances() {
         let u = Plane::from_fn(21, 5, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::filled(21, 5, 0.3);
-        let guide = Guide::new(&[u], &[v], 2, 0);
-        let mut row = vec![0.0; whole_blocks(21)];
+        let guide = Guide::new(&[u.clone(), u.clone(), u], &[v.clone(), v.clone(), v], 2, 0);
+        let mut row = vec![0.0; 21];
         guide.delta_row(2, [1, -2], 0, &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];
         for (x, &expected) in row[..21].iter().enumerate() {
-            guide.differences(&guide, [x as isize, 2], 2, &mut out);
+            guide.differences(pulp::Scalar, &guide, [x as isize, 2], 2, &mut out);
             assert_eq!(out[3], expected);
         }
     }

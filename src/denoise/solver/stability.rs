@@ -129,7 +129,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     };
     let window = Window::new(case.center.0, case.center.1, radius, case.color[0].size());
     let mut solver = Solver::new(&problem);
-    solver.weigh(&window, KERNEL, None);
+    solver.weigh(pulp::Scalar, &window, KERNEL, None);
     let scale = solver.prepare(&window, None);
     let exact = Exact::new(case, &window, &solver, scale);
     let mut outcome = Outcome {
