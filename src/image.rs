@@ -186,10 +186,17 @@ pub fn black(width: usize, height: usize) -> Rgb {
     std::array::from_fn(|_| Plane::filled(width, height, 0.0))
 }
 
+/// The sum of the three channels, pixel by pixel.
+pub fn sum_of_channels(planes: &Rgb) -> Plane {
+    let (width, height) = planes[0].size();
+    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>())
+}
+
 /// The mean over the three channels, pixel by pixel.
 pub fn mean_of_channels(planes: &Rgb) -> Plane {
-    let (width, height) = planes[0].size();
-    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0)
+    let mut mean = sum_of_channels(planes);
+    mean.data_mut().iter_mut().for_each(|value| *value /= 3.0);
+    mean
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 //! *variation* that is new, which does not depend on where the column's zero is.
 
 use super::gram::LANES;
+use pulp::Simd;
 
 /// Columns are enlarged by no more than 2^60: pixels without weight must stay finite too.
 const LARGEST_SCALE: f32 = (1u64 << 60) as f32;
@@ -14,34 +15,51 @@ const LARGEST_SCALE: f32 = (1u64 << 60) as f32;
 /// to `total`, are whole vectors long; where there is no sample the weight is zero). The mean is good to some
 /// 1e-6 of the values: near enough, for it is the very number returned that has been taken out.
 #[inline(always)]
-pub fn centre(column: &mut [f32], weights: &[f32], total: f32) -> f32 {
-    let mean = if total > 0.0 { weighted_sum(column, weights) / total } else { 0.0 };
-    column.iter_mut().for_each(|x| *x -= mean);
+pub fn centre<S: Simd>(simd: S, column: &mut [f32], weights: &[f32], total: f32) -> f32 {
+    let mean = if total > 0.0 { weighted_sum(simd, column, weights) / total } else { 0.0 };
+    let all = simd.splat_f32s(mean);
+    S::as_mut_simd_f32s(column).0.iter_mut().for_each(|x| *x = simd.sub_f32s(*x, all));
     mean
 }
 
 /// Σ w x, lane by lane.
 #[inline(always)]
-pub fn weighted_sum(column: &[f32], weights: &[f32]) -> f32 {
-    let mut sums = [0.0f32; LANES];
-    for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
-        for lane in 0..LANES {
-            sums[lane] += w[lane] * x[lane];
+pub fn weighted_sum<S: Simd>(simd: S, column: &[f32], weights: &[f32]) -> f32 {
+    let (column, weights) = (S::as_simd_f32s(column).0, S::as_simd_f32s(weights).0);
+    let at_once = at_once::<S>();
+    let mut sums = [simd.splat_f32s(0.0); LANES];
+    for (x, w) in column.chunks_exact(at_once).zip(weights.chunks_exact(at_once)) {
+        for k in 0..at_once {
+            sums[k] = simd.mul_add_e_f32s(w[k], x[k], sums[k]);
         }
     }
-    sums.iter().sum()
+    joined(simd, &sums[..at_once])
 }
 
 /// Σ w, lane by lane.
 #[inline(always)]
-pub fn total(weights: &[f32]) -> f32 {
-    let mut sums = [0.0f32; LANES];
-    for w in weights.chunks_exact(LANES) {
-        for lane in 0..LANES {
-            sums[lane] += w[lane];
+pub fn total<S: Simd>(simd: S, weights: &[f32]) -> f32 {
+    let at_once = at_once::<S>();
+    let mut sums = [simd.splat_f32s(0.0); LANES];
+    for w in S::as_simd_f32s(weights).0.chunks_exact(at_once) {
+        for k in 0..at_once {
+            sums[k] = simd.add_f32s(sums[k], w[k]);
         }
     }
-    sums.iter().sum()
+    joined(simd, &sums[..at_once])
+}
+
+/// Vectors that make [`LANES`] sums, however narrow they are: a sum of all samples one behind the other would
+/// round more.
+#[inline(always)]
+fn at_once<S: Simd>() -> usize {
+    LANES * size_of::<f32>() / size_of::<S::f32s>()
+}
+
+/// The sum of all lanes.
+#[inline(always)]
+fn joined<S: Simd>(simd: S, sums: &[S::f32s]) -> f32 {
+    simd.reduce_sum_f32s(sums.iter().fold(simd.splat_f32s(0.0), |all, &sum| simd.add_f32s(all, sum)))
 }
 
 /// Σ w x², lane by lane in `f64`: what explains nearly all of it is subtracted from it.
@@ -58,29 +76,23 @@ pub fn energy(column: &[f32], weights: &[f32]) -> f64 {
 
 /// The largest magnitude in `column`.
 #[inline(always)]
-pub fn largest(column: &[f32]) -> f32 {
-    let mut largest = [0.0f32; LANES];
-    for x in column.chunks_exact(LANES) {
-        for lane in 0..LANES {
-            let value = x[lane].abs();
-            largest[lane] = if value > largest[lane] { value } else { largest[lane] };
-        }
-    }
-    largest.into_iter().fold(0.0, f32::max)
+pub fn largest<S: Simd>(simd: S, column: &[f32]) -> f32 {
+    let largest = |largest, &x| simd.max_f32s(simd.abs_f32s(x), largest);
+    simd.reduce_max_f32s(S::as_simd_f32s(column).0.iter().fold(simd.splat_f32s(0.0), largest))
 }
 
 /// Multiplies `column` by the power of two that brings the largest value of any weight to about 1.
 #[inline(always)]
-pub fn level(column: &mut [f32], weights: &[f32]) {
-    let mut largest = [0.0f32; LANES];
-    for (x, w) in column.chunks_exact(LANES).zip(weights.chunks_exact(LANES)) {
-        for lane in 0..LANES {
-            let value = if w[lane] > 0.0 { x[lane].abs() } else { 0.0 };
-            largest[lane] = if value > largest[lane] { value } else { largest[lane] };
-        }
+pub fn level<S: Simd>(simd: S, column: &mut [f32], weights: &[f32]) {
+    let column = S::as_mut_simd_f32s(column).0;
+    let (none, mut largest) = (simd.splat_f32s(0.0), simd.splat_f32s(0.0));
+    for (&x, &w) in column.iter().zip(S::as_simd_f32s(weights).0) {
+        let value = simd.select_f32s(simd.greater_than_f32s(w, none), simd.abs_f32s(x), none);
+        largest = simd.max_f32s(value, largest);
     }
-    let scale = power_of_two_near_inverse(largest.into_iter().fold(0.0, f32::max)).min(LARGEST_SCALE);
-    column.iter_mut().for_each(|x| *x *= scale);
+    let scale = power_of_two_near_inverse(simd.reduce_max_f32s(largest)).min(LARGEST_SCALE);
+    let scale = simd.splat_f32s(scale);
+    column.iter_mut().for_each(|x| *x = simd.mul_f32s(*x, scale));
 }
 
 /// 2^−e for a value of 2^e to 2^(e+1), without leaving the normal numbers; 1 for 0.
@@ -104,12 +116,12 @@ mod tests {
         column[..4].copy_from_slice(&[1e6, 1e6 + 2.0, 1e6 + 4.0, 7.0]);
         let mut weights = [0.0; LANES];
         weights[..3].copy_from_slice(&[1.0, 2.0, 1.0]);
-        let mean = centre(&mut column, &weights, total(&weights));
+        let mean = centre(pulp::Scalar, &mut column, &weights, total(pulp::Scalar, &weights));
         assert!((mean - 1_000_002.0).abs() < 1.0);
         assert_eq!(column[2] - column[0], 4.0);
         assert_eq!(column[4], -mean, "without weight, and so without meaning");
         column[..4].copy_from_slice(&[3e-20, -1e-20, 0.0, 1.0]);
-        level(&mut column, &weights);
+        level(pulp::Scalar, &mut column, &weights);
         assert_eq!(column[0], 3e-20 * LARGEST_SCALE);
         assert!(column[3].is_finite());
     }

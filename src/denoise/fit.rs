@@ -15,8 +15,8 @@ use super::gram::Gram;
 /// so what is kept has at least three digits. `[choice]` at 1e-5 a prototype gave NaN.
 pub const PIVOT_THRESHOLD: f64 = 1e-3;
 
-/// Numbers that an update of a row takes at once.
-const BLOCK: usize = 4;
+/// Numbers that are taken at once.
+pub const BLOCK: usize = 4;
 
 /// The factorisation of one window's normal equations; buffers are kept between windows.
 #[derive(Debug, Clone, Default)]
@@ -219,22 +219,31 @@ impl Factor {
         &self.d
     }
 
-    /// The coefficients L⁻ᵀ (shrink ∘ z_t) of right-hand side `t`, in the units of the columns.
+    /// The coefficients L⁻ᵀ (shrink ∘ z_t), in the units of the columns, of the right-hand sides t from `first` on:
+    /// for every column one of each.
     #[inline(always)]
-    pub fn coefficients(&self, t: usize, shrink: &[f64], beta: &mut Vec<f64>) {
+    pub fn coefficients(&self, first: usize, shrink: &[f64], beta: &mut Vec<[f64; BLOCK]>) {
         let p = self.p;
         beta.clear();
-        beta.extend(self.z(t).iter().zip(shrink).map(|(z, s)| z * s));
+        beta.resize(p, [0.0; BLOCK]);
+        for (t, z) in self.z.chunks_exact(p).skip(first).take(BLOCK).enumerate() {
+            beta.iter_mut().zip(z).zip(shrink).for_each(|((beta, z), s)| beta[t] = z * s);
+        }
         for i in (0..p).rev() {
-            let row = &self.l[i * p..i * p + p];
+            let row = &self.l[i * p..=i * p + i];
+            let (before, own) = beta.split_at_mut(i);
+            let own = &mut own[0];
             if row[i] > 0.0 {
-                beta[i] /= row[i];
-                let value = beta[i];
-                beta[..i].iter_mut().zip(row).for_each(|(b, l)| *b -= l * value);
+                own.iter_mut().for_each(|beta| *beta /= row[i]);
+                for (beta, l) in before.iter_mut().zip(row) {
+                    (0..BLOCK).for_each(|t| beta[t] -= l * own[t]);
+                }
             } else {
-                beta[i] = 0.0;
+                *own = [0.0; BLOCK];
             }
         }
-        beta.iter_mut().zip(&self.scale).for_each(|(b, s)| *b *= s);
+        for (beta, scale) in beta.iter_mut().zip(&self.scale) {
+            beta.iter_mut().for_each(|beta| *beta *= scale);
+        }
     }
 }

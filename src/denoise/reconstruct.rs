@@ -309,9 +309,8 @@ fn center(
 }
 
 fn worth_a_fit(problem: &Problem<'_>, x: usize, y: usize) -> bool {
-    let noise: f32 = problem.variance.iter().map(|v| v.get(x, y)).sum();
     let radiance: f32 = problem.targets[..3].iter().map(|c| c.get(x, y).powi(2)).sum();
-    noise > NEGLIGIBLE_NOISE * (radiance + problem.options.dark_level.powi(2))
+    problem.noise.get(x, y) > NEGLIGIBLE_NOISE * (radiance + problem.options.dark_level.powi(2))
 }
 
 /// Divides by Σ a; a pixel that nothing covers keeps its noisy value.
@@ -324,7 +323,7 @@ fn finish(problem: &Problem<'_>, sums: Sums, grid_fits: usize) -> Stage {
             if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
         })
     };
-    let noise = |x: usize, y: usize| problem.variance.iter().map(|v| v.get(x, y)).sum::<f32>() / 3.0;
+    let noise = |x: usize, y: usize| problem.noise.get(x, y) / 3.0;
     Stage {
         targets: (0..count).map(|t| plane(t, &|x, y| problem.targets[t].get(x, y))).collect(),
         mse: plane(count + 1, &noise),

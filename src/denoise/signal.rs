@@ -6,7 +6,7 @@ use super::solver::{Beside, Demodulation, Problem};
 use super::weights::Guide;
 use super::{Observer, Stage, coarse, variance};
 use crate::frame::Summary;
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::Options;
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -51,6 +51,7 @@ impl Signal<'_> {
         let trusted = self.variance.each_ref().map(variance::trusted);
         let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), options);
         let basis = Basis::new(options.window_radius, self.features.len(), options.max_order);
+        let noise = sum_of_channels(&self.smoothed);
         let mut stage: Option<reconstruct::Stage> = None;
         for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
             observer.stage(Stage::Fit(n + 1));
@@ -65,6 +66,7 @@ impl Signal<'_> {
                     .take(if last { usize::MAX } else { 3 })
                     .collect(),
                 variance: &self.smoothed,
+                noise: &noise,
                 pilot: pilot.as_ref(),
                 features: &self.features,
                 guide: &guides.color,

@@ -3,7 +3,7 @@
 use super::basis::Basis;
 use super::condition;
 use super::distances::{self, Distances, Kind};
-use super::fit::Factor;
+use super::fit::{self, Factor};
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
@@ -22,6 +22,8 @@ pub struct Problem<'a> {
     pub targets: Vec<&'a Plane>,
     /// Variance of the colour's mean, smoothed.
     pub variance: &'a Rgb,
+    /// The sum of its channels.
+    pub noise: &'a Plane,
     /// The previous stage's reconstruction of the colour.
     pub pilot: Option<&'a Rgb>,
     /// Feature planes.
@@ -50,6 +52,8 @@ pub struct Beside<'a> {
     pub targets: Vec<&'a Plane>,
     /// As the problem's.
     pub variance: &'a Rgb,
+    /// As the problem's.
+    pub noise: &'a Plane,
     /// As the problem's.
     pub features: &'a [Plane],
     /// As the problem's.
@@ -100,7 +104,7 @@ pub struct Solver<'a> {
     gram: Gram,
     factor: Factor,
     choice: Choice,
-    beta: Vec<f64>,
+    beta: Vec<[f64; fit::BLOCK]>,
     predicted: Vec<f32>,
 }
 
@@ -157,12 +161,12 @@ impl<'a> Solver<'a> {
         if self.samples.is_one() {
             return self.keep(window);
         }
-        let scale = self.prepare(window, demodulation);
+        let scale = self.prepare(simd, window, demodulation);
         let arch = self.arch;
         self.factorise(|columns, gram| gram::accumulate(arch, columns, gram));
         let Problem { basis, options, .. } = self.problem;
         let mut choice = std::mem::take(&mut self.choice);
-        risk::choose(&self.evidence(), basis, options.order_choice, &mut choice);
+        risk::choose(&self.evidence(simd), basis, options.order_choice, &mut choice);
         self.choice = choice;
         self.predict(scale, demodulation);
     }
@@ -173,19 +177,18 @@ impl<'a> Solver<'a> {
         let at = |plane: &Plane| plane.get(window.cx, window.cy);
         self.predicted.clear();
         self.predicted.extend(self.problem.targets.iter().map(|plane| at(plane)));
-        let noise: f64 = self.problem.variance.iter().map(|plane| f64::from(at(plane))).sum();
         self.choice.best = 0;
         self.choice.order = 0.0;
-        self.choice.xi = noise / self.problem.variance.len() as f64;
+        self.choice.xi = f64::from(at(self.problem.noise)) / 3.0;
     }
 
     /// All between the weights and the Gram matrices; returns the factor that radiance was scaled by.
     #[inline(always)]
-    fn prepare(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) -> f32 {
+    fn prepare<S: Simd>(&mut self, simd: S, window: &Window, demodulation: Option<Demodulation<'_>>) -> f32 {
         self.gather(window, demodulation);
-        let scale = self.scale_radiance();
-        self.trust_samples(scale);
-        self.condition();
+        let scale = self.scale_radiance(simd);
+        self.trust_samples(simd, scale);
+        self.condition(simd);
         scale
     }
 
@@ -239,17 +242,18 @@ impl<'a> Solver<'a> {
     /// The design, the right-hand sides and the noise, over the albedo where that is asked for.
     #[inline(always)]
     fn gather(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) {
-        let Problem { targets, pilot, variance, features, basis, beside, .. } = self.problem;
+        let Problem { targets, pilot, variance, noise, features, basis, beside, .. } = self.problem;
         let (stride, p) = (self.samples.stride(), basis.columns());
         let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
         self.columns.clear();
         self.columns.resize((p + r) * stride, 0.0);
         self.noise.clear();
         self.noise.resize(stride, 0.0);
-        self.gather_frame(window, 0, targets, variance, features, demodulation);
+        self.gather_frame(window, 0, targets, (variance, noise), features, demodulation);
         for (f, beside) in beside.iter().enumerate() {
             let albedo = beside.albedo.filter(|_| demodulation.is_some());
-            self.gather_frame(window, f + 1, &beside.targets, beside.variance, beside.features, albedo);
+            let noise = (beside.variance, beside.noise);
+            self.gather_frame(window, f + 1, &beside.targets, noise, beside.features, albedo);
         }
     }
 
@@ -260,7 +264,7 @@ impl<'a> Solver<'a> {
         window: &Window,
         frame: usize,
         targets: &[&Plane],
-        variance: &Rgb,
+        (variance, sum): (&Rgb, &Plane),
         features: &[Plane],
         demodulation: Option<Demodulation<'_>>,
     ) {
@@ -273,18 +277,21 @@ impl<'a> Solver<'a> {
         for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
             samples.gather(plane, part.clone(), 0.0, &mut column[part.clone()]);
         }
+        let noise = &mut self.noise[part.clone()];
+        let Some(Demodulation { albedo, .. }) = demodulation else {
+            return samples.gather(sum, part, 0.0, noise);
+        };
         self.scratch.resize(2 * part.len(), 0.0);
-        let (buffer, albedo) = self.scratch.split_at_mut(part.len());
-        for (c, plane) in variance.iter().enumerate() {
+        let (buffer, divisor) = self.scratch.split_at_mut(part.len());
+        for (c, (plane, albedo)) in variance.iter().zip(albedo).enumerate() {
             samples.gather(plane, part.clone(), 0.0, buffer);
-            if let Some(demodulation) = demodulation {
-                samples.gather(&demodulation.albedo[c], part.clone(), 0.0, albedo);
-                buffer.iter_mut().zip(&*albedo).for_each(|(v, a)| *v /= a * a);
-                for column in rhs.chunks_exact_mut(stride).skip(c).step_by(3) {
-                    column[part.clone()].iter_mut().zip(&*albedo).for_each(|(v, a)| *v /= a);
-                }
+            samples.gather(albedo, part.clone(), 0.0, divisor);
+            for ((noise, v), a) in noise.iter_mut().zip(&*buffer).zip(&*divisor) {
+                *noise += v / (a * a);
             }
-            self.noise[part.clone()].iter_mut().zip(&*buffer).for_each(|(n, v)| *n += v);
+            for column in rhs.chunks_exact_mut(stride).skip(c).step_by(3) {
+                column[part.clone()].iter_mut().zip(&*divisor).for_each(|(v, a)| *v /= a);
+            }
         }
     }
 
@@ -292,19 +299,19 @@ impl<'a> Solver<'a> {
     /// larger, to about 1, so that squares stay inside `f32`; returns the factor. AOVs enter no square:
     /// each of their channels has a factor of its own, so that none bears on the colour.
     #[inline(always)]
-    fn scale_radiance(&mut self) -> f32 {
+    fn scale_radiance<S: Simd>(&mut self, simd: S) -> f32 {
         let aovs = 3..self.problem.targets.len();
         let stride = self.samples.stride();
         let rhs = &mut self.columns[self.problem.basis.columns() * stride..];
         let columns = rhs.chunks_exact(stride).enumerate();
-        let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| condition::largest(c));
+        let largest = columns.filter(|(t, _)| !aovs.contains(t)).map(|(_, c)| condition::largest(simd, c));
         let scale = condition::power_of_two_near_inverse(
-            largest.fold(0.0, f32::max).max(condition::largest(&self.noise).sqrt()),
+            largest.fold(0.0, f32::max).max(condition::largest(simd, &self.noise).sqrt()),
         );
         self.scales.clear();
         for (t, column) in rhs.chunks_exact_mut(stride).enumerate() {
             let own = if aovs.contains(&t) {
-                condition::power_of_two_near_inverse(condition::largest(column))
+                condition::power_of_two_near_inverse(condition::largest(simd, column))
             } else {
                 scale
             };
@@ -318,14 +325,14 @@ impl<'a> Solver<'a> {
     /// The weight of every sample in the fit: K, less for samples noisier than the window's average,
     /// less for pixels much brighter than the centre, whose absolute errors would drown its own.
     #[inline(always)]
-    fn trust_samples(&mut self, scale: f32) {
+    fn trust_samples<S: Simd>(&mut self, simd: S, scale: f32) {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
         let stride = self.samples.stride();
         self.weights.clear();
         self.weights.extend_from_slice(self.samples.kernel());
-        let noise = condition::weighted_sum(&self.noise, self.samples.kernel());
+        let noise = condition::weighted_sum(simd, &self.noise, self.samples.kernel());
         if noise > 0.0 {
-            let relative = options.noise_weight * condition::total(self.samples.kernel()) / noise;
+            let relative = options.noise_weight * condition::total(simd, self.samples.kernel()) / noise;
             self.weights.iter_mut().zip(&self.noise).for_each(|(w, v)| *w /= 1.0 + v * relative);
         }
         if pilot.is_some() {
@@ -345,15 +352,15 @@ impl<'a> Solver<'a> {
 
     /// Centres all columns but the constant, and levels the features' (see [`condition`]).
     #[inline(always)]
-    fn condition(&mut self) {
+    fn condition<S: Simd>(&mut self, simd: S) {
         let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
         let stride = self.samples.stride();
         self.means.clear();
-        let total = condition::total(&self.weights);
+        let total = condition::total(simd, &self.weights);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights, total);
+            let mean = condition::centre(simd, column, &self.weights, total);
             if j <= features {
-                condition::level(column, &self.weights);
+                condition::level(simd, column, &self.weights);
             } else if j >= p {
                 self.means.push(mean);
             }
@@ -362,7 +369,7 @@ impl<'a> Solver<'a> {
 
     /// What the risks are made of.
     #[inline(always)]
-    fn evidence(&self) -> Evidence<'_> {
+    fn evidence<S: Simd>(&self, simd: S) -> Evidence<'_> {
         let Problem { pilot, options, basis, targets, .. } = self.problem;
         let stride = self.samples.stride();
         let (reference, channels) = match (pilot.is_some(), options.plain_first_stage) {
@@ -373,9 +380,9 @@ impl<'a> Solver<'a> {
         let rhs = &self.columns[(basis.columns() + channels.start) * stride..];
         let energy = rhs.chunks_exact(stride).take(3).map(|y| condition::energy(y, &self.weights));
         let totals = Totals {
-            weight: f64::from(condition::total(&self.weights)).max(f64::MIN_POSITIVE),
+            weight: f64::from(condition::total(simd, &self.weights)).max(f64::MIN_POSITIVE),
             energy: energy.sum(),
-            noise: f64::from(condition::total(&self.weighted_noise)),
+            noise: f64::from(condition::total(simd, &self.weighted_noise)),
         };
         Evidence { factor: &self.factor, channels, reference, totals }
     }
@@ -391,9 +398,11 @@ impl<'a> Solver<'a> {
         for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
             let unit = f64::from(self.scales[t]);
             out.fill((f64::from(self.means[t]) / unit) as f32);
-            self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
+            if t % fit::BLOCK == 0 {
+                self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
+            }
             for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
-                let beta = (*beta / unit) as f32;
+                let beta = (beta[t % fit::BLOCK] / unit) as f32;
                 if beta != 0.0 {
                     out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
                 }

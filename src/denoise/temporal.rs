@@ -8,7 +8,7 @@ use super::solver::Beside as Samples;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
 use super::{Design, Ready, targets, variance};
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::Options;
 
 /// The frames before and after one, each list beginning with the nearest and without gaps.
@@ -24,6 +24,7 @@ pub struct Neighbours<'a> {
 pub(super) struct Warped {
     pub targets: Vec<Plane>,
     pub variance: Rgb,
+    pub noise: Plane,
     pub features: Vec<Plane>,
     pub albedo: Option<Rgb>,
     pub guides: Guides,
@@ -37,6 +38,7 @@ impl Warped {
         Samples {
             targets: self.targets.iter().collect(),
             variance: &self.variance,
+            noise: &self.noise,
             features: &self.features,
             guide: &self.guides.color,
             albedo: self.guides.demodulation(self.albedo.as_ref()),
@@ -154,6 +156,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
         guides: Guides::new(&color, &noise, albedo.as_ref(), options),
+        noise: sum_of_channels(&smoothed),
         variance: smoothed,
         features,
         albedo,

@@ -1,7 +1,7 @@
 //! The vectors that the kernels run on: the widest of this machine.
 //!
 //! rustc neither fuses nor reorders what a kernel computes, so the width changes no bit, but in the sums of
-//! [`gram`](super::gram), whose order is that of the lanes.
+//! [`gram`](super::gram) and [`condition`](super::condition), whose order is that of the lanes.
 
 use pulp::Arch;
 
@@ -77,7 +77,7 @@ mod tests {
     }
 
     #[test]
-    fn only_the_sums_of_the_gram_matrices_depend_on_the_width() {
+    fn only_the_sums_over_windows_depend_on_the_width() {
         let picture = picture("teapot_specular");
         let of = |arch| denoised(picture.frame(), Method::Nlm, arch).color;
         let widest = of(Arch::new());

@@ -7,12 +7,12 @@
 
 use crate::baseline::patches::{Patches, Scratch, weigh};
 use crate::denoise::condition;
-use crate::denoise::fit::Factor;
+use crate::denoise::fit::{BLOCK, Factor};
 use crate::denoise::gram::{self, Columns, Gram};
 use crate::denoise::vectors;
 use crate::denoise::window::Window;
 use crate::image::Plane;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -98,8 +98,23 @@ struct Solver<'a> {
     gram: Gram,
     factor: Factor,
     keep: Vec<f64>,
-    beta: Vec<f64>,
+    beta: Vec<[f64; BLOCK]>,
     predicted: Vec<f32>,
+}
+
+/// A band to be compiled for every kind of vectors.
+struct Band<'s, 'a> {
+    solver: &'s mut Solver<'a>,
+    rows: Range<usize>,
+}
+
+impl WithSimd for Band<'_, '_> {
+    type Output = Vec<Sums>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> Vec<Sums> {
+        self.solver.run(simd, self.rows)
+    }
 }
 
 impl<'a> Solver<'a> {
@@ -124,15 +139,11 @@ impl<'a> Solver<'a> {
 
     /// All windows whose centres lie in `rows`.
     fn band(&mut self, rows: Range<usize>) -> Vec<Sums> {
-        let arch = self.arch;
-        arch.dispatch(
-            #[inline(always)]
-            || self.run(rows),
-        )
+        self.arch.dispatch(Band { solver: self, rows })
     }
 
     #[inline(always)]
-    fn run(&mut self, rows: Range<usize>) -> Vec<Sums> {
+    fn run<S: Simd>(&mut self, simd: S, rows: Range<usize>) -> Vec<Sums> {
         let Problem { targets, patches, bandwidths, .. } = *self.problem;
         let (width, height) = patches.size();
         let radius = patches.window_radius();
@@ -145,7 +156,7 @@ impl<'a> Solver<'a> {
                 let window = Window::new(x, y, radius, (width, height));
                 self.gather(&window, (y - rows.start) * width + x, rows.len() * width);
                 for (bandwidth, sums) in bandwidths.iter().zip(&mut sums) {
-                    self.fit(&window, *bandwidth);
+                    self.fit(simd, &window, *bandwidth);
                     self.predict(&window, sums);
                 }
             }
@@ -200,18 +211,18 @@ impl<'a> Solver<'a> {
 
     /// Weighs and factorises. Columns that an earlier bandwidth has centred and levelled are so again.
     #[inline(always)]
-    fn fit(&mut self, window: &Window, bandwidth: f32) {
+    fn fit<S: Simd>(&mut self, simd: S, window: &Window, bandwidth: f32) {
         let (stride, p, r) = (window.stride, self.keep.len(), self.problem.targets.len());
         self.weights.clear();
         self.weights.resize(stride, 0.0);
         weigh(&self.distances, bandwidth, 0.0, &mut self.weights);
         self.silence.clear();
         self.silence.resize(stride, 0.0);
-        let total = condition::total(&self.weights);
+        let total = condition::total(simd, &self.weights);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
-            let mean = condition::centre(column, &self.weights, total);
+            let mean = condition::centre(simd, column, &self.weights, total);
             if j < p {
-                condition::level(column, &self.weights);
+                condition::level(simd, column, &self.weights);
             } else {
                 self.means[j - p] += mean;
             }
@@ -240,11 +251,13 @@ impl<'a> Solver<'a> {
             }
         };
         for t in 0..r {
-            self.factor.coefficients(t, &self.keep, &mut self.beta);
+            if t % BLOCK == 0 {
+                self.factor.coefficients(t, &self.keep, &mut self.beta);
+            }
             self.predicted.clear();
             self.predicted.resize(stride, self.means[t]);
             for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
-                let beta = *beta as f32;
+                let beta = beta[t % BLOCK] as f32;
                 self.predicted.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
             }
             self.predicted.iter_mut().zip(&self.weights).for_each(|(out, w)| *out *= w);

@@ -9,6 +9,7 @@ mod oracle;
 use super::*;
 use crate::denoise::gram::Tier;
 use crate::denoise::risk::RISK_RESOLUTION;
+use crate::image::sum_of_channels;
 use crate::options::OrderChoice;
 use cases::Case;
 use nalgebra::{DMatrix, DVector};
@@ -116,9 +117,11 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let radius = options.window_radius;
     let basis = Basis::new(radius, case.features.len(), options.max_order);
     let guide = Guide::new(&case.color, &case.variance, radius, KERNEL.patch_radius);
+    let noise = sum_of_channels(&case.variance);
     let problem = Problem {
         targets: case.color.iter().collect(),
         variance: &case.variance,
+        noise: &noise,
         pilot: with_pilot.then_some(&case.pilot),
         features: &case.features,
         guide: &guide,
@@ -130,7 +133,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let window = Window::new(case.center.0, case.center.1, radius, case.color[0].size());
     let mut solver = Solver::new(&problem);
     solver.weigh(pulp::Scalar, &window, KERNEL, None);
-    let scale = solver.prepare(&window, None);
+    let scale = solver.prepare(pulp::Scalar, &window, None);
     let exact = Exact::new(case, &window, &solver, scale);
     let mut outcome = Outcome {
         pixels: exact.pixels.len(),
@@ -192,7 +195,7 @@ impl Exact {
     /// Adds to `outcome` how far the factorised `solver` is from this.
     fn hold(&self, solver: &mut Solver<'_>, scale: f32, tier: &'static str, outcome: &mut Outcome) {
         let Problem { basis, options, .. } = solver.problem;
-        let evidence = solver.evidence();
+        let evidence = solver.evidence(pulp::Scalar);
         let (fast, noise) = (evidence.xi(basis), evidence.totals.noise / evidence.totals.weight / 3.0);
         let kind = evidence.reference;
         let floor = RISK_RESOLUTION * noise;
