@@ -83,21 +83,22 @@ impl Distances {
             self.kept.len() - 1
         });
         let kept = &mut self.kept[place];
-        let (reach, length) = (kind.patch_radius as isize, self.distances.len());
+        let reach = kind.patch_radius as isize;
+        let distances = S::as_mut_simd_f32s(&mut self.distances).0;
         let (mut patch, mut pixels) = ([0; LARGEST_PATCH], 0);
         for py in -reach..=reach {
             for px in -reach..=reach {
-                patch[pixels] = length * kept.see(simd, [x + px, y + py], self.radius, guides.clone());
+                let place = kept.see(simd, [x + px, y + py], self.radius, guides.clone());
+                patch[pixels] = place * distances.len();
                 pixels += 1;
             }
         }
         let (patch, inverse) = (&patch[..pixels], 1.0 / pixels as f32);
         let differences = S::as_simd_f32s(&kept.differences).0;
-        let lanes = length / S::as_simd_f32s(&self.distances).0.len();
-        for (n, out) in S::as_mut_simd_f32s(&mut self.distances).0.iter_mut().enumerate() {
+        for (n, out) in distances.iter_mut().enumerate() {
             let mut sum = simd.splat_f32s(0.0);
             for from in patch {
-                sum = simd.add_f32s(sum, differences[from / lanes + n]);
+                sum = simd.add_f32s(sum, differences[from + n]);
             }
             *out = simd.mul_f32s(sum, simd.splat_f32s(inverse));
         }

@@ -16,7 +16,7 @@ use super::gram::Gram;
 pub const PIVOT_THRESHOLD: f64 = 1e-3;
 
 /// Numbers that are taken at once.
-pub const BLOCK: usize = 4;
+const BLOCK: usize = 4;
 
 /// The factorisation of one window's normal equations; buffers are kept between windows.
 #[derive(Debug, Clone, Default)]
@@ -36,6 +36,9 @@ pub struct Factor {
     noise: Rows,
     /// The rows that are done and were not dropped.
     kept: Vec<Kept>,
+    /// Coefficients, one row of p per right-hand side; and those of one block of them side by side.
+    beta: Vec<f64>,
+    block: Vec<[f64; BLOCK]>,
 }
 
 /// What an earlier row takes out of the row at hand.
@@ -219,31 +222,39 @@ impl Factor {
         &self.d
     }
 
-    /// The coefficients L⁻ᵀ (shrink ∘ z_t), in the units of the columns, of the right-hand sides t from `first` on:
-    /// for every column one of each.
+    /// Solves for the coefficients L⁻ᵀ (shrink ∘ z_t), in the units of the columns, of the first `targets`
+    /// right-hand sides, [`BLOCK`] of them at once.
     #[inline(always)]
-    pub fn coefficients(&self, first: usize, shrink: &[f64], beta: &mut Vec<[f64; BLOCK]>) {
+    pub fn solve(&mut self, targets: usize, shrink: &[f64]) {
         let p = self.p;
-        beta.clear();
-        beta.resize(p, [0.0; BLOCK]);
-        for (t, z) in self.z.chunks_exact(p).skip(first).take(BLOCK).enumerate() {
-            beta.iter_mut().zip(z).zip(shrink).for_each(|((beta, z), s)| beta[t] = z * s);
-        }
-        for i in (0..p).rev() {
-            let row = &self.l[i * p..=i * p + i];
-            let (before, own) = beta.split_at_mut(i);
-            let own = &mut own[0];
-            if row[i] > 0.0 {
-                own.iter_mut().for_each(|beta| *beta /= row[i]);
-                for (beta, l) in before.iter_mut().zip(row) {
-                    (0..BLOCK).for_each(|t| beta[t] -= l * own[t]);
+        self.beta.clear();
+        for z in self.z[..targets * p].chunks(BLOCK * p) {
+            self.block.clear();
+            self.block.resize(p, [0.0; BLOCK]);
+            for (t, z) in z.chunks_exact(p).enumerate() {
+                self.block.iter_mut().zip(z).zip(shrink).for_each(|((beta, z), s)| beta[t] = z * s);
+            }
+            for i in (0..p).rev() {
+                let row = &self.l[i * p..=i * p + i];
+                let (before, own) = self.block.split_at_mut(i);
+                let own = &mut own[0];
+                if row[i] > 0.0 {
+                    own.iter_mut().for_each(|beta| *beta /= row[i]);
+                    for (beta, l) in before.iter_mut().zip(row) {
+                        (0..BLOCK).for_each(|t| beta[t] -= l * own[t]);
+                    }
+                } else {
+                    *own = [0.0; BLOCK];
                 }
-            } else {
-                *own = [0.0; BLOCK];
+            }
+            for t in 0..z.len() / p {
+                self.beta.extend(self.block.iter().zip(&self.scale).map(|(beta, scale)| beta[t] * scale));
             }
         }
-        for (beta, scale) in beta.iter_mut().zip(&self.scale) {
-            beta.iter_mut().for_each(|beta| *beta *= scale);
-        }
+    }
+
+    /// The coefficients of right-hand side `t` that were solved for last.
+    pub fn beta(&self, t: usize) -> &[f64] {
+        &self.beta[t * self.p..(t + 1) * self.p]
     }
 }

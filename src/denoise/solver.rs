@@ -3,7 +3,7 @@
 use super::basis::Basis;
 use super::condition;
 use super::distances::{self, Distances, Kind};
-use super::fit::{self, Factor};
+use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
@@ -104,7 +104,6 @@ pub struct Solver<'a> {
     gram: Gram,
     factor: Factor,
     choice: Choice,
-    beta: Vec<[f64; fit::BLOCK]>,
     predicted: Vec<f32>,
 }
 
@@ -143,7 +142,6 @@ impl<'a> Solver<'a> {
             gram: Gram::default(),
             factor: Factor::default(),
             choice: Choice::default(),
-            beta: vec![],
             predicted: vec![],
         }
     }
@@ -393,16 +391,14 @@ impl<'a> Solver<'a> {
     fn predict(&mut self, scale: f32, demodulation: Option<Demodulation<'_>>) {
         let targets = self.problem.targets.len();
         let (stride, own) = (self.samples.stride(), self.samples.of_frame(0));
+        self.factor.solve(targets, &self.choice.shrink);
         self.predicted.clear();
         self.predicted.resize(targets * own.len(), 0.0);
         for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
             let unit = f64::from(self.scales[t]);
             out.fill((f64::from(self.means[t]) / unit) as f32);
-            if t % fit::BLOCK == 0 {
-                self.factor.coefficients(t, &self.choice.shrink, &mut self.beta);
-            }
-            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
-                let beta = (beta[t % fit::BLOCK] / unit) as f32;
+            for (beta, column) in self.factor.beta(t).iter().zip(self.columns.chunks_exact(stride)) {
+                let beta = (*beta / unit) as f32;
                 if beta != 0.0 {
                     out.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
                 }

@@ -7,7 +7,7 @@
 
 use crate::baseline::patches::{Patches, Scratch, weigh};
 use crate::denoise::condition;
-use crate::denoise::fit::{BLOCK, Factor};
+use crate::denoise::fit::Factor;
 use crate::denoise::gram::{self, Columns, Gram};
 use crate::denoise::vectors;
 use crate::denoise::window::Window;
@@ -98,7 +98,6 @@ struct Solver<'a> {
     gram: Gram,
     factor: Factor,
     keep: Vec<f64>,
-    beta: Vec<[f64; BLOCK]>,
     predicted: Vec<f32>,
 }
 
@@ -132,7 +131,6 @@ impl<'a> Solver<'a> {
             gram: Gram::default(),
             factor: Factor::default(),
             keep: vec![1.0; POSITION + problem.features.len()],
-            beta: vec![],
             predicted: vec![],
         }
     }
@@ -250,14 +248,12 @@ impl<'a> Solver<'a> {
                 plane[at..at + window.width].iter_mut().zip(values).for_each(|(sum, v)| *sum += v);
             }
         };
+        self.factor.solve(r, &self.keep);
         for t in 0..r {
-            if t % BLOCK == 0 {
-                self.factor.coefficients(t, &self.keep, &mut self.beta);
-            }
             self.predicted.clear();
             self.predicted.resize(stride, self.means[t]);
-            for (beta, column) in self.beta.iter().zip(self.columns.chunks_exact(stride)) {
-                let beta = beta[t % BLOCK] as f32;
+            for (beta, column) in self.factor.beta(t).iter().zip(self.columns.chunks_exact(stride)) {
+                let beta = *beta as f32;
                 self.predicted.iter_mut().zip(column).for_each(|(out, x)| *out += beta * x);
             }
             self.predicted.iter_mut().zip(&self.weights).for_each(|(out, w)| *out *= w);
