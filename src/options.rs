@@ -14,6 +14,9 @@ pub const MAX_WINDOW_RADIUS: usize = 15;
 /// The largest radius of a kernel's patches.
 pub const MAX_PATCH_RADIUS: usize = 3;
 
+/// The bandwidth of the features in wide kernels. `[choice]`
+const FEATURE_BANDWIDTH: f32 = 1.5;
+
 /// Options of [`crate::denoise()`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -34,6 +37,9 @@ pub struct Options {
     pub plain_first_stage: bool,
     /// The kernels of every stage; their fits all join one average.
     pub stages: Vec<Vec<Kernel>>,
+    /// Differences of this share of the radiance count as noise when patches are compared: where noise
+    /// vanishes, weights still know what is nearly the same. 0 is the published distance.
+    pub tolerance: f32,
     /// Kinds of features that enter the fit.
     pub features: Vec<FeatureKind>,
     /// The outlier step.
@@ -75,6 +81,9 @@ pub struct Kernel {
     /// Compare and fit colour over albedo instead of colour, where there is an albedo.
     #[serde(default)]
     pub demodulate: bool,
+    /// Compare the features too, with this bandwidth; what is farther apart, colour or features, counts.
+    #[serde(default)]
+    pub feature_bandwidth: Option<f32>,
 }
 
 /// How the order of a fit is chosen from the risks ξ_k.
@@ -133,9 +142,9 @@ impl Default for PrefilterOptions {
 
 impl Default for Options {
     fn default() -> Self {
-        let kernel = |patch_radius, bandwidth, demodulate| Kernel { patch_radius, bandwidth, demodulate };
-        let color = vec![kernel(1, 0.6, false), kernel(1, 1.2, false)];
-        let albedo = vec![kernel(1, 1.2, true)];
+        let color = Kernel { patch_radius: 1, bandwidth: 0.9, demodulate: false, feature_bandwidth: None };
+        let surfaces = Kernel { feature_bandwidth: Some(FEATURE_BANDWIDTH), ..color };
+        let albedo = Kernel { demodulate: true, ..surfaces };
         Self {
             window_radius: 7,
             center_spacing: 4,
@@ -143,14 +152,15 @@ impl Default for Options {
             max_order: 3,
             order_choice: OrderChoice::Shrink,
             plain_first_stage: false,
-            stages: vec![color.clone(), [color, albedo].concat()],
+            stages: vec![vec![surfaces], vec![color, albedo]],
+            tolerance: 0.16,
             features: vec![FeatureKind::Normal, FeatureKind::Albedo, FeatureKind::Depth, FeatureKind::Other],
             outliers: OutlierOptions::default(),
             prefilter: PrefilterOptions::default(),
             noise_weight: 0.25,
-            variance_radius: 2,
+            variance_radius: 1,
             risk_power: 0.5,
-            taper_power: 0.5,
+            taper_power: 1.0,
             dark_level: 0.4,
             albedo_floor: 0.05,
             coarse: true,
@@ -163,12 +173,14 @@ impl Options {
     /// The method as published, where the paper decides: y for μ in the first stage, one bandwidth, the
     /// order with the least risk, plain overlap average, outliers by the neighbours' 3σ.
     pub fn published() -> Self {
-        let kernels = vec![Kernel { patch_radius: 3, bandwidth: 1.0, demodulate: false }];
+        let kernels =
+            vec![Kernel { patch_radius: 3, bandwidth: 1.0, demodulate: false, feature_bandwidth: None }];
         Self {
             min_coverage: 1.0,
             plain_first_stage: true,
             order_choice: OrderChoice::Hard,
             stages: vec![kernels.clone(), kernels],
+            tolerance: 0.0,
             noise_weight: 0.0,
             risk_power: 0.0,
             taper_power: 0.0,
@@ -190,7 +202,12 @@ impl Options {
     /// One wide kernel a stage on fewer centres, no cubic: relMSE ×1.045 (18 scenes at 16 to 256 spp) in 0.4 of
     /// the time.
     pub fn fast() -> Self {
-        let kernel = |demodulate| Kernel { patch_radius: 1, bandwidth: 1.2, demodulate };
+        let kernel = |demodulate| Kernel {
+            patch_radius: 1,
+            bandwidth: 1.2,
+            demodulate,
+            feature_bandwidth: Some(FEATURE_BANDWIDTH),
+        };
         Self {
             center_spacing: 6,
             min_coverage: 2.0,
@@ -238,10 +255,12 @@ impl Options {
         for kernel in self.stages.iter().flatten() {
             range("patch_radius", kernel.patch_radius, 0, MAX_PATCH_RADIUS)?;
             number("bandwidth", kernel.bandwidth, 0.01, 1e6)?;
+            number("feature_bandwidth", kernel.feature_bandwidth.unwrap_or(1.0), 0.01, 1e6)?;
         }
         for kernels in &self.stages {
             range("kernels of a stage", kernels.len(), 1, 16)?;
         }
+        number("tolerance", self.tolerance, 0.0, 1.0)?;
         range("variance_radius", self.variance_radius, 0, 15)?;
         range("outliers.radius", self.outliers.radius, 1, 3)?;
         number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;

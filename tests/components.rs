@@ -17,7 +17,7 @@ const HALF_ROUNDING: f32 = 1.0 / 2048.0;
 /// What a half float cannot be nearer to, where it is subnormal.
 const HALF_LEAST: f32 = 1.0 / (1 << 25) as f32;
 /// [choice] Some dozen roundings of f32 (fits, averages, factors), relative to the picture.
-const FLOAT_ROUNDING: f64 = 2e-6;
+const FLOAT_ROUNDING: f64 = 3e-6;
 
 fn auto() -> ReadOptions {
     named(&["auto"])

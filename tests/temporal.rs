@@ -94,8 +94,8 @@ fn what_moves_gains_along_its_vectors() {
 
 #[test]
 fn an_edge_that_moves_without_vectors_or_with_wrong_ones_does_no_harm() {
-    // A single column that has changed is within the chance of three deviations: there it may do a little.
-    for (way, wrong, most) in [(8, None, 1.0), (8, Some(-3.0), 1.0), (2, None, 1.0), (1, None, 1.15)] {
+    // A single column that has changed is within the chance of three deviations: there it does some.
+    for (way, wrong, most) in [(8, None, 1.0), (8, Some(-3.0), 1.0), (2, None, 1.0), (1, None, 1.35)] {
         let frames = |seed: u64| {
             let at = [24 - way, 24, 24 + way];
             let still = at.map(|at| noisy(edge(at), seed + at as u64));

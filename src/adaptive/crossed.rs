@@ -89,7 +89,15 @@ fn quick() -> Options {
         center_spacing: 8,
         min_coverage: 0.0,
         max_order: 1,
-        stages: vec![vec![Kernel { patch_radius: 1, bandwidth: 1.0, demodulate: false }]; 2],
+        stages: vec![
+            vec![Kernel {
+                patch_radius: 1,
+                bandwidth: 1.0,
+                demodulate: false,
+                feature_bandwidth: None
+            }];
+            2
+        ],
         coarse: false,
         restore: false,
         ..Options::default()

@@ -50,7 +50,7 @@ impl Patches {
     ) -> Self {
         let single = std::slice::from_ref;
         let guides = planes.iter().zip(variances);
-        let guides = guides.map(|(p, v)| Guide::new(single(p), single(v), window_radius, patch_radius));
+        let guides = guides.map(|(p, v)| Guide::new(single(p), single(v), 0.0, window_radius, patch_radius));
         Self { guides: guides.collect(), size: planes[0].size(), window_radius, patch_radius, channels }
     }
 

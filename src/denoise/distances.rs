@@ -4,6 +4,7 @@
 //! p + offset is part of it for every centre whose patch holds p: nine of them where patches are 3×3. So the
 //! differences of a pixel and all of its window are kept until the centres have moved on.
 
+use super::surfaces::Surfaces;
 use super::weights::{Guide, distance_stride};
 use crate::options::MAX_PATCH_RADIUS;
 use pulp::Simd;
@@ -23,6 +24,15 @@ pub struct Kind {
     pub demodulated: bool,
 }
 
+/// What the pixels of a frame are compared by.
+#[derive(Debug, Clone, Copy)]
+pub struct Guides<'a> {
+    /// Colour, or colour over albedo.
+    pub color: &'a Guide,
+    /// Features.
+    pub surfaces: &'a Surfaces,
+}
+
 /// The distances of one window at a time, in one frame and those beside it; buffers of one thread, for
 /// guides that stay the same.
 #[derive(Debug, Clone)]
@@ -33,6 +43,11 @@ pub struct Distances {
     /// What `distances` are of.
     held: Option<(Kind, [usize; 2])>,
     distances: Vec<f32>,
+    /// The centre that `surfaces` are of.
+    seen: Option<[usize; 2]>,
+    surfaces: Vec<f32>,
+    /// The larger ones of both.
+    joined: Vec<f32>,
 }
 
 /// The differences of some pixels and those of the windows around them, for one kind of patches.
@@ -48,26 +63,42 @@ struct Kept {
 impl Distances {
     /// For windows of `radius` in `frames` frames.
     pub fn new(radius: usize, frames: usize) -> Self {
-        let length = frames * square(radius);
-        Self { radius, frames, kept: vec![], held: None, distances: vec![0.0; length] }
+        let none = vec![0.0; frames * square(radius)];
+        let (surfaces, joined) = (none.clone(), none.clone());
+        Self { radius, frames, kept: vec![], held: None, distances: none, seen: None, surfaces, joined }
     }
 
     /// The distances from the patch at `centre`, column and row, in the first of the `guides` to the patches at
     /// all offsets of the window in each of them: frame by frame, 2·radius + 1 rows of [`distance_stride`].
-    /// Offsets outside the picture have a value as well.
+    /// Offsets outside the picture have a value as well. With `surfaces`, those of the features by this factor
+    /// where they are larger.
     #[inline(always)]
     pub fn of<'g, S: Simd>(
         &mut self,
         simd: S,
         kind: Kind,
         centre: [usize; 2],
-        guides: impl Iterator<Item = &'g Guide> + Clone,
+        guides: impl Iterator<Item = Guides<'g>> + Clone,
+        surfaces: Option<f32>,
     ) -> &[f32] {
         if self.held != Some((kind, centre)) {
-            self.compare(simd, kind, centre.map(|at| at as isize), guides);
+            let colors = guides.clone().map(|guides| guides.color);
+            self.compare(simd, kind, centre.map(|at| at as isize), colors);
             self.held = Some((kind, centre));
         }
-        &self.distances
+        let Some(factor) = surfaces else { return &self.distances };
+        if let Some(here) = guides.clone().next().filter(|_| self.seen != Some(centre)) {
+            for (there, out) in guides.zip(self.surfaces.chunks_exact_mut(square(self.radius))) {
+                here.surfaces.distances(simd, there.surfaces, centre, self.radius, out);
+            }
+            self.seen = Some(centre);
+        }
+        let factor = simd.splat_f32s(factor);
+        let both = S::as_simd_f32s(&self.distances).0.iter().zip(S::as_simd_f32s(&self.surfaces).0);
+        for (out, (&color, &surface)) in S::as_mut_simd_f32s(&mut self.joined).0.iter_mut().zip(both) {
+            *out = simd.max_f32s(color, simd.mul_f32s(factor, surface));
+        }
+        &self.joined
     }
 
     #[inline(always)]
@@ -151,29 +182,37 @@ pub fn square(radius: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::denoise::surfaces::Spread;
     use crate::image::Plane;
 
     const COLOR: Kind = Kind { patch_radius: 1, demodulated: false };
 
     /// A guide of three equal channels.
     fn colour(u: &Plane, v: &Plane) -> Guide {
-        Guide::new(&[u, u, u].map(Plane::clone), &[v, v, v].map(Plane::clone), 2, 1)
+        Guide::new(&[u, u, u].map(Plane::clone), &[v, v, v].map(Plane::clone), 0.0, 2, 1)
+    }
+
+    fn steps(shift: usize) -> Plane {
+        Plane::from_fn(57, 9, |x, y| ((x * 7 + y * 13 + shift) % 11) as f32)
     }
 
     fn guide(shift: usize) -> Guide {
-        let u = Plane::from_fn(57, 9, |x, y| ((x * 7 + y * 13 + shift) % 11) as f32);
-        let v = Plane::from_fn(57, 9, |x, _| 0.5 + x as f32);
-        colour(&u, &v)
+        colour(&steps(shift), &Plane::from_fn(57, 9, |x, _| 0.5 + x as f32))
+    }
+
+    fn surfaces(shift: usize) -> Surfaces {
+        Surfaces::new(&[steps(shift)], &[Spread { planes: 1, variance: 10.0 }], 2)
     }
 
     #[test]
     fn the_distance_is_that_of_the_formula_and_forgives_noise() {
         let u = Plane::from_fn(7, 5, |x, y| (x * x + 3 * y) as f32);
         let v = Plane::from_fn(7, 5, |x, _| 0.5 + x as f32);
-        let guide = colour(&u, &v);
+        let (color, surfaces) = (&colour(&u, &v), &Surfaces::default());
         let row = distance_stride(2);
         let mut distances = Distances::new(2, 1);
-        let out = distances.of(pulp::Scalar, COLOR, [3, 2], std::iter::once(&guide));
+        let guides = std::iter::once(Guides { color, surfaces });
+        let out = distances.of(pulp::Scalar, COLOR, [3, 2], guides, None);
         assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
         let mut expected = 0.0;
         for (py, px) in (0..3).flat_map(|y| (0..3).map(move |x| (y, x))) {
@@ -186,17 +225,33 @@ mod tests {
 
     #[test]
     fn what_is_kept_changes_nothing() {
-        let (here, beside) = (guide(0), guide(5));
-        let guides = || [&here, &beside].into_iter();
+        let (here, beside, surfaces) = (guide(0), guide(5), [surfaces(0), surfaces(3)]);
+        let [mine, theirs] = &surfaces;
+        let guides = [Guides { color: &here, surfaces: mine }, Guides { color: &beside, surfaces: theirs }];
+        let guides = || guides.into_iter();
         let other = Kind { patch_radius: 0, demodulated: true };
         let mut kept = Distances::new(2, 2);
-        // Along rows, farther than what is kept, to and fro, two kinds in turn.
+        // Along rows, farther than what is kept, to and fro, kinds in turn.
         let centres = (0..9).flat_map(|y| (0..57).map(move |x| [x, y])).filter(|[x, y]| (x + y) % 5 < 3);
         for centre in centres.chain([[0, 0], [40, 0], [0, 0], [0, 3], [56, 8]]) {
-            for kind in [COLOR, other] {
-                let fresh = Distances::new(2, 2).of(pulp::Scalar, kind, centre, guides()).to_vec();
-                assert_eq!(kept.of(pulp::Scalar, kind, centre, guides()), fresh, "{centre:?}");
+            for (kind, factor) in [(COLOR, None), (other, Some(0.5)), (other, None), (COLOR, Some(2.0))] {
+                let fresh = Distances::new(2, 2).of(pulp::Scalar, kind, centre, guides(), factor).to_vec();
+                assert_eq!(kept.of(pulp::Scalar, kind, centre, guides(), factor), fresh, "{centre:?}");
             }
         }
+    }
+
+    #[test]
+    fn what_is_farther_apart_counts() {
+        let (color, surfaces) = (&colour(&steps(0), &Plane::filled(57, 9, 0.5)), &surfaces(0));
+        let guides = || std::iter::once(Guides { color, surfaces });
+        let mut distances = Distances::new(2, 1);
+        let mut of = |factor| distances.of(pulp::Scalar, COLOR, [20, 4], guides(), factor).to_vec();
+        let (color, both) = (of(None), of(Some(0.01)));
+        let mut own = vec![0.0; color.len()];
+        surfaces.distances(pulp::Scalar, surfaces, [20, 4], 2, &mut own);
+        let farther = |(color, surface): (&f32, &f32)| color.max(0.01 * surface);
+        assert_eq!(both, color.iter().zip(&own).map(farther).collect::<Vec<f32>>());
+        assert!(both != color && own.iter().zip(&both).any(|(own, both)| 0.01 * own != *both));
     }
 }

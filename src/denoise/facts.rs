@@ -59,16 +59,31 @@ pub(crate) struct KnownFeature {
     pub halves: bool,
 }
 
-/// Whether a plane has two different values.
+/// Whether a plane has two different values, and how far they spread.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Range {
     first: Option<f32>,
     varies: bool,
+    values: f64,
+    /// Of the differences to the first value.
+    sum: f64,
+    squares: f64,
 }
 
 impl Range {
     fn add(&mut self, value: f32) {
-        self.varies |= *self.first.get_or_insert(value) != value;
+        let first = *self.first.get_or_insert(value);
+        self.varies |= first != value;
+        let apart = f64::from(value) - f64::from(first);
+        self.values += 1.0;
+        self.sum += apart;
+        self.squares += apart * apart;
+    }
+
+    /// The values' variance over the picture, 0 without any.
+    fn spread(&self) -> f32 {
+        let n = self.values.max(1.0);
+        (self.squares / n - (self.sum / n).powi(2)).max(0.0) as f32
     }
 
     fn is_known(&self) -> bool {
@@ -187,6 +202,11 @@ impl Facts {
     /// Whether the variance or the halves of the frame's `feature`th feature show noise.
     pub fn feature_is_noisy(&self, feature: usize) -> bool {
         self.features[feature].is_noisy()
+    }
+
+    /// The variance of a plane of a feature over the picture.
+    pub fn feature_spread(&self, feature: usize, plane: usize) -> f32 {
+        self.features[feature].planes[plane].spread()
     }
 
     /// Whether a plane of a feature is the same everywhere.

@@ -20,6 +20,7 @@ mod samples;
 pub(crate) mod sanitize;
 mod signal;
 mod solver;
+mod surfaces;
 mod temporal;
 pub(crate) mod variance;
 pub(crate) mod vectors;
@@ -39,6 +40,7 @@ use sanitize::Clean;
 use signal::{AsOne, Signal};
 use solver::Beside;
 use std::borrow::Cow;
+use surfaces::Spread;
 use temporal::Warped;
 
 pub use facts::Facts;
@@ -159,12 +161,13 @@ fn run(
     let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
     let gains = options.outliers.enabled.then(|| energy(facts, &ready, part)).transpose()?;
     let gains = gains.map(|energy| energy.gains(options.outliers.witnesses));
-    let Ready { clean, variance, smoothed, design, albedo, .. } = ready;
+    let Ready { clean, variance, smoothed, design, spreads, albedo, .. } = ready;
     let signal = Signal {
         targets: targets(&clean).map(Cow::Borrowed).collect(),
         variance,
         smoothed,
         features: design.into_iter().map(|column| column.plane).collect(),
+        spreads,
         albedo,
     };
     let [areas, coarse_areas] = areas(part, options);
@@ -215,6 +218,7 @@ struct Ready {
     /// What was taken out of each target.
     taken: Vec<Vec<f32>>,
     design: Vec<Design>,
+    spreads: Vec<Spread>,
     /// The albedo, its floor added.
     albedo: Option<Rgb>,
 }
@@ -306,9 +310,9 @@ fn prepare(
     let Repaired { clean, variance, outliers, taken } =
         repair(frame, facts.exposure(), known, options, wanted, observer, summary);
     observer.stage(Stage::Prefilter);
-    let (design, albedo) = design_features(&clean, facts, known, options, summary);
+    let (design, spreads, albedo) = design_features(&clean, facts, known, options, summary);
     let smoothed = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
-    Ready { clean, variance, smoothed, outliers, taken, design, albedo }
+    Ready { clean, variance, smoothed, outliers, taken, design, spreads, albedo }
 }
 
 /// Where every stage works so that the part is right, in the picture and in its blocks.
@@ -343,16 +347,15 @@ fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) 
 }
 
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
-/// floor added, that demodulated kernels divide by.
+/// floor added, that demodulated kernels divide by. The spreads tell which planes are of one feature.
 fn design_features(
     clean: &Clean,
     facts: &Facts,
     known: &Known,
     options: &Options,
     summary: &mut Summary,
-) -> (Vec<Design>, Option<Rgb>) {
-    let mut design = vec![];
-    let mut albedo = None;
+) -> (Vec<Design>, Vec<Spread>, Option<Rgb>) {
+    let (mut design, mut spreads, mut albedo) = (vec![], vec![], None);
     let features = clean.features.iter().enumerate();
     for (f, feature) in features.filter(|(_, feature)| options.features.contains(&feature.kind)) {
         let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
@@ -364,6 +367,7 @@ fn design_features(
             };
             albedo.get_or_insert_with(|| [floored(r), floored(g), floored(b)]);
         }
+        let mut spread = Spread { planes: 0, variance: 0.0 };
         for (i, plane) in filtered.into_iter().enumerate() {
             let name = format!("{}.{i}", feature.name);
             if facts.feature_is_constant(f, i) {
@@ -372,10 +376,15 @@ fn design_features(
             } else {
                 summary.columns.push(name);
                 design.push(Design { kind: feature.kind, plane });
+                spread.planes += 1;
+                spread.variance += facts.feature_spread(f, i);
             }
         }
+        if spread.planes > 0 {
+            spreads.push(spread);
+        }
     }
-    (design, albedo)
+    (design, spreads, albedo)
 }
 
 /// The planes to reconstruct: the colour's, then every AOV's.

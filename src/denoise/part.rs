@@ -8,7 +8,7 @@
 //! | restored detail and light | 2 + 1 + 4 | three means, one of the other |
 //! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
-//! | weights | p | patches |
+//! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
 //! | variance | smoothing + 4 + outliers' radius | estimated over 9×9 pixels at most, outliers replaced |
 //! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
@@ -32,7 +32,8 @@ pub fn halo(options: &Options) -> usize {
 fn reach(options: &Options) -> usize {
     let Options { outliers, prefilter, .. } = options;
     let restored = if options.restore { restore::REACH } else { 0 };
-    let fits = options.stages.len() * reconstruct::reach(options.window_radius) + options.largest_patch();
+    let fits =
+        options.stages.len() * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let replaced = if outliers.enabled { outliers.radius } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);

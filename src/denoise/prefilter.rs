@@ -24,7 +24,7 @@ pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<
         }
         (None, None) => return feature.planes.clone(),
     };
-    let guide = Guide::new(&feature.planes, &variances, options.window_radius, options.patch_radius);
+    let guide = Guide::new(&feature.planes, &variances, 0.0, options.window_radius, options.patch_radius);
     let planes: Vec<&Plane> = feature.planes.iter().collect();
     nlm::filter(&guide, &planes, options.window_radius, options.patch_radius, options.bandwidth)
 }

@@ -3,6 +3,7 @@
 use super::basis::Basis;
 use super::reconstruct::{self, Area};
 use super::solver::{Beside, Demodulation, Problem};
+use super::surfaces::{Spread, Surfaces};
 use super::weights::Guide;
 use super::{Observer, Stage, coarse, variance};
 use crate::frame::Summary;
@@ -21,6 +22,8 @@ pub struct Signal<'a> {
     pub smoothed: Rgb,
     /// The features of the design, filtered.
     pub features: Vec<Plane>,
+    /// What these planes belong to.
+    pub spreads: Vec<Spread>,
     /// The albedo, its floor added.
     pub albedo: Option<Rgb>,
 }
@@ -34,6 +37,7 @@ impl Signal<'_> {
             smoothed: variance.each_ref().map(|plane| variance::smooth(plane, variance_radius)),
             variance,
             features: self.features.iter().map(coarse::halve).collect(),
+            spreads: self.spreads.clone(),
             albedo: self.albedo.as_ref().map(|albedo| albedo.each_ref().map(coarse::halve)),
         }
     }
@@ -50,6 +54,7 @@ impl Signal<'_> {
         let color: Rgb = std::array::from_fn(|c| self.targets[c].clone().into_owned());
         let trusted = self.variance.each_ref().map(variance::trusted);
         let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), options);
+        let surfaces = Surfaces::new(&self.features, &self.spreads, options.window_radius);
         let basis = Basis::new(options.window_radius, self.features.len(), options.max_order);
         let noise = sum_of_channels(&self.smoothed);
         let mut stage: Option<reconstruct::Stage> = None;
@@ -70,6 +75,7 @@ impl Signal<'_> {
                 pilot: pilot.as_ref(),
                 features: &self.features,
                 guide: &guides.color,
+                surfaces: &surfaces,
                 albedo: guides.demodulation(self.albedo.as_ref()),
                 beside,
                 basis: &basis,
@@ -121,7 +127,8 @@ impl Guides {
     /// Guides of a colour and its variance, and of both over the albedo.
     pub fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
         let guide = |color: &Rgb, variance: &Rgb| {
-            Guide::new(color, variance, options.window_radius, options.largest_patch())
+            let (radius, patch_radius) = (options.window_radius, options.largest_patch());
+            Guide::new(color, variance, options.tolerance, radius, patch_radius)
         };
         let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
         let irradiance = albedo.filter(|_| wanted).map(|albedo| {

@@ -2,11 +2,12 @@
 
 use super::basis::Basis;
 use super::condition;
-use super::distances::{self, Distances, Kind};
+use super::distances::{self, Distances, Guides, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
+use super::surfaces::Surfaces;
 use super::vectors;
 use super::weights::Guide;
 use super::window::Window;
@@ -30,6 +31,8 @@ pub struct Problem<'a> {
     pub features: &'a [Plane],
     /// Guide of the noisy colour.
     pub guide: &'a Guide,
+    /// Guide of the features.
+    pub surfaces: &'a Surfaces,
     /// For demodulated kernels.
     pub albedo: Option<Demodulation<'a>>,
     /// Frames whose samples join those of this one.
@@ -58,6 +61,8 @@ pub struct Beside<'a> {
     pub features: &'a [Plane],
     /// As the problem's.
     pub guide: &'a Guide,
+    /// As the problem's.
+    pub surfaces: &'a Surfaces,
     /// As the problem's.
     pub albedo: Option<Demodulation<'a>>,
     /// How far the light is the same in both frames, 0 to 1.
@@ -217,15 +222,18 @@ impl<'a> Solver<'a> {
         kernel: Kernel,
         demodulation: Option<Demodulation<'_>>,
     ) {
-        let Problem { guide, beside, options, .. } = self.problem;
+        let Problem { guide, surfaces, albedo, beside, options, .. } = self.problem;
         let radius = options.window_radius;
-        let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>| {
-            albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide)
+        let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>, surfaces: &'a Surfaces| {
+            let color = albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide);
+            Guides { color, surfaces }
         };
-        let here = chosen(guide, self.problem.albedo);
-        let guides = std::iter::once(here).chain(beside.iter().map(|b| chosen(b.guide, b.albedo)));
+        let here = chosen(guide, *albedo, surfaces);
+        let beside_it = beside.iter().map(|b| chosen(b.guide, b.albedo, b.surfaces));
+        let guides = std::iter::once(here).chain(beside_it);
         let kind = Kind { patch_radius: kernel.patch_radius, demodulated: demodulation.is_some() };
-        let distances = self.distances.of(simd, kind, [window.cx, window.cy], guides);
+        let factor = kernel.feature_bandwidth.map(|bandwidth| (kernel.bandwidth / bandwidth).powi(2));
+        let distances = self.distances.of(simd, kind, [window.cx, window.cy], guides, factor);
         self.samples.clear();
         let columns = self.problem.targets[0].width();
         for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {

@@ -5,6 +5,7 @@
 
 use super::signal::Guides;
 use super::solver::Beside as Samples;
+use super::surfaces::Surfaces;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
 use super::{Design, Ready, targets, variance};
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
@@ -28,6 +29,7 @@ pub(super) struct Warped {
     pub features: Vec<Plane>,
     pub albedo: Option<Rgb>,
     pub guides: Guides,
+    pub surfaces: Surfaces,
     pub steady: Plane,
     pub trust: Plane,
 }
@@ -41,6 +43,7 @@ impl Warped {
             noise: &self.noise,
             features: &self.features,
             guide: &self.guides.color,
+            surfaces: &self.surfaces,
             albedo: self.guides.demodulation(self.albedo.as_ref()),
             steady: &self.steady,
             trust: &self.trust,
@@ -145,7 +148,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
         distrust_surfaces(&mut trust, here.kind, &here.plane, &warped);
         seen_from_here(here, warped)
     });
-    let features = features.collect();
+    let features: Vec<Plane> = features.collect();
     let (color, noise) = (rgb(&there.clean.color), rgb(&there.variance.each_ref().map(variance::trusted)));
     let smoothed = rgb(&there.smoothed);
     let colors = [&here.clean.color, &color];
@@ -155,6 +158,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
     let albedo = there.albedo.as_ref().map(rgb);
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
+        surfaces: Surfaces::new(&features, &here.spreads, options.window_radius),
         guides: Guides::new(&color, &noise, albedo.as_ref(), options),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,

@@ -27,6 +27,8 @@ pub struct Guide {
     variances: Vec<Vec<f32>>,
     /// Summed over the planes.
     noise: Vec<f32>,
+    /// The noise and the tolerance's squares, summed over the planes: what differences are measured by.
+    level: Vec<f32>,
     stride: usize,
     pad: usize,
 }
@@ -36,30 +38,52 @@ pub fn distance_stride(radius: usize) -> usize {
     (2 * radius + 1).next_multiple_of(LANES)
 }
 
+/// Samples from one row of a plane of that `width` to the next, `pad` at either end and whole vectors of a
+/// window in the last column.
+pub fn padded_stride(width: usize, pad: usize) -> usize {
+    width + 2 * pad + LANES
+}
+
+/// `plane` in rows of [`padded_stride`], continued by its border, its values from `low` to `high`.
+pub fn padded(plane: &Plane, pad: usize, [low, high]: [f32; 2]) -> Vec<f32> {
+    let (w, h) = plane.size();
+    let stride = padded_stride(w, pad);
+    let mut out = Vec::with_capacity(stride * (h + 2 * pad));
+    for y in 0..h + 2 * pad {
+        let row = plane.row(y.saturating_sub(pad).min(h - 1));
+        out.extend(std::iter::repeat_n(row[0].clamp(low, high), pad));
+        out.extend(row.iter().map(|v| v.clamp(low, high)));
+        out.resize((y + 1) * stride, row[w - 1].clamp(low, high));
+    }
+    out
+}
+
 impl Guide {
-    /// A guide for windows of `window_radius` and patches of up to `patch_radius`.
-    pub fn new(planes: &[Plane], variances: &[Plane], window_radius: usize, patch_radius: usize) -> Self {
+    /// A guide for windows of `window_radius` and patches of up to `patch_radius`; differences of the share
+    /// `tolerance` of the planes count as noise does.
+    pub fn new(
+        planes: &[Plane],
+        variances: &[Plane],
+        tolerance: f32,
+        window_radius: usize,
+        patch_radius: usize,
+    ) -> Self {
         let pad = window_radius + patch_radius;
-        let stride = planes[0].width() + 2 * pad + LANES; // whole vectors of a window in the last column too
-        let padded = |plane: &Plane, low: f32, high: f32| {
-            let (w, h) = plane.size();
-            let mut out = Vec::with_capacity(stride * (h + 2 * pad));
-            for y in 0..h + 2 * pad {
-                let row = plane.row(y.saturating_sub(pad).min(h - 1));
-                out.extend(std::iter::repeat_n(row[0].clamp(low, high), pad));
-                out.extend(row.iter().map(|v| v.clamp(low, high)));
-                out.resize((y + 1) * stride, row[w - 1].clamp(low, high));
-            }
-            out
+        let stride = padded_stride(planes[0].width(), pad);
+        let all = |planes: &[Plane], range: [f32; 2]| -> Vec<Vec<f32>> {
+            planes.iter().map(|plane| padded(plane, pad, range)).collect()
         };
-        let planes = planes.iter().map(|p| padded(p, -LARGEST_GUIDE, LARGEST_GUIDE)).collect();
-        let variances: Vec<Vec<f32>> =
-            variances.iter().map(|v| padded(v, 0.0, LARGEST_GUIDE * LARGEST_GUIDE)).collect();
-        let mut noise = variances[0].clone();
-        for variance in &variances[1..] {
-            noise.iter_mut().zip(variance).for_each(|(sum, v)| *sum += v);
-        }
-        Self { planes, variances, noise, stride, pad }
+        let planes = all(planes, [-LARGEST_GUIDE, LARGEST_GUIDE]);
+        let variances = all(variances, [0.0, LARGEST_GUIDE * LARGEST_GUIDE]);
+        let sum = |planes: &[Vec<f32>], of: &dyn Fn(f32) -> f32| {
+            let mut sums = vec![0.0; planes[0].len()];
+            planes.iter().for_each(|plane| sums.iter_mut().zip(plane).for_each(|(sum, v)| *sum += of(*v)));
+            sums
+        };
+        let noise = sum(&variances, &|variance| variance);
+        let mut level = sum(&planes, &|value| (tolerance * value).powi(2));
+        level.iter_mut().zip(&noise).for_each(|(level, noise)| *level += noise);
+        Self { planes, variances, noise, level, stride, pad }
     }
 
     /// Writes the differences of the pixel at column `x` and row `y` and all pixels of the window around it in
@@ -80,7 +104,7 @@ impl Guide {
         let (p, length, radius) = (at(x, y), distance_stride(radius), radius as isize);
         let all = |value: f32| simd.splat_f32s(value);
         let here: [_; 3] = std::array::from_fn(|c| [all(self.planes[c][p]), all(self.variances[c][p])]);
-        let (noise, least) = (all(self.noise[p]), all(DISTANCE_EPSILON + self.noise[p]));
+        let (noise, least) = (all(self.noise[p]), all(DISTANCE_EPSILON + self.level[p]));
         for (out, y) in out.chunks_exact_mut(length).zip(y - radius..) {
             let row = at(x - radius, y);
             let there: [_; 3] = std::array::from_fn(|c| {
@@ -91,7 +115,7 @@ impl Guide {
                 ))
             });
             let [red, green, blue] = there;
-            let there = red.zip(green).zip(blue).zip(vectors::<S>(&other.noise, row, length));
+            let there = red.zip(green).zip(blue).zip(vectors::<S>(&other.level, row, length));
             for ((((red, green), blue), &other), out) in there.zip(S::as_mut_simd_f32s(out).0) {
                 let mut numerator = all(0.0);
                 for ([value, variance], (&v, &n)) in here.into_iter().zip([red, green, blue]) {
@@ -123,15 +147,16 @@ impl Guide {
                 *out += excess((up, vp), (uq, vq));
             }
         }
-        for ((out, np), nq) in out.iter_mut().zip(&self.noise[p]).zip(&self.noise[q]) {
-            *out = difference(*out, *np, *nq);
+        let levels = self.level[p.clone()].iter().zip(&self.level[q]);
+        for ((out, noise), (lp, lq)) in out.iter_mut().zip(&self.noise[p]).zip(levels) {
+            *out = difference(*out, *noise, [*lp, *lq]);
         }
     }
 }
 
 /// `length` samples from `from` on, whole vectors.
 #[inline(always)]
-fn vectors<S: Simd>(samples: &[f32], from: usize, length: usize) -> std::slice::Iter<'_, S::f32s> {
+pub fn vectors<S: Simd>(samples: &[f32], from: usize, length: usize) -> std::slice::Iter<'_, S::f32s> {
     S::as_simd_f32s(&samples[from..from + length]).0.iter()
 }
 
@@ -143,10 +168,10 @@ fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
     difference * difference - if vp < vq { vp } else { vq }
 }
 
-/// The pixels' difference, from the channels' excess and their summed variances Σ_c V_p and Σ_c V_q.
+/// The pixels' difference, from the channels' excess, Σ_c V_p and the levels of p and q.
 #[inline(always)]
-fn difference(excess: f32, noise: f32, other: f32) -> f32 {
-    (excess - noise) / (DISTANCE_EPSILON + noise + other)
+fn difference(excess: f32, noise: f32, [here, there]: [f32; 2]) -> f32 {
+    (excess - noise) / (DISTANCE_EPSILON + here + there)
 }
 
 /// w = exp(−max(0, Δ²)/k²), 0 where that is too little.
@@ -210,7 +235,7 @@ mod tests {
     fn rows_of_differences_agree_with_single_distances() {
         let u = Plane::from_fn(21, 5, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::filled(21, 5, 0.3);
-        let guide = Guide::new(&[u.clone(), u.clone(), u], &[v.clone(), v.clone(), v], 2, 0);
+        let guide = Guide::new(&[u.clone(), u.clone(), u], &[v.clone(), v.clone(), v], 0.1, 2, 0);
         let mut row = vec![0.0; 21];
         guide.delta_row(2, [1, -2], 0, &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];

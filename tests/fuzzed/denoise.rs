@@ -118,6 +118,7 @@ impl Bytes<'_> {
                 patch_radius: self.below(4),
                 bandwidth: self.float(),
                 demodulate: self.byte() % 2 == 1,
+                feature_bandwidth: (self.byte() % 2 == 1).then(|| self.float()),
             };
             options.stages = vec![vec![kernel]; 1 + self.below(2)];
         }
@@ -130,6 +131,7 @@ impl Bytes<'_> {
             options.min_coverage = self.float();
             options.noise_weight = self.float();
             options.risk_power = self.float();
+            options.tolerance = self.float();
         }
         if changed & 32 != 0 {
             options.dark_level = self.float();

@@ -34,7 +34,7 @@ const LIGHT_RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/STABILITY.md");
 const TABLE: [&str; 2] = ["<!-- table: BLESS=1 cargo test --lib stability -->\n", "<!-- end of table -->"];
 
-const KERNEL: Kernel = Kernel { patch_radius: 1, bandwidth: 1.2, demodulate: false };
+const KERNEL: Kernel = Kernel { patch_radius: 1, bandwidth: 1.2, demodulate: false, feature_bandwidth: None };
 
 /// How far the fast path is from the oracle in one window, by the tier that is farthest.
 #[derive(Default)]
@@ -116,7 +116,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let options = Options { order_choice: OrderChoice::Hard, ..Options::default() };
     let radius = options.window_radius;
     let basis = Basis::new(radius, case.features.len(), options.max_order);
-    let guide = Guide::new(&case.color, &case.variance, radius, KERNEL.patch_radius);
+    let guide = Guide::new(&case.color, &case.variance, options.tolerance, radius, KERNEL.patch_radius);
     let noise = sum_of_channels(&case.variance);
     let problem = Problem {
         targets: case.color.iter().collect(),
@@ -125,6 +125,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
         pilot: with_pilot.then_some(&case.pilot),
         features: &case.features,
         guide: &guide,
+        surfaces: &Surfaces::default(),
         albedo: None,
         beside: &[],
         basis: &basis,
