@@ -6,13 +6,16 @@
 //! slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture. What
 //! weights are made of is the larger one of this and the colour's, each over its own bandwidth squared.
 //!
-//! The idea is that of Rousselle, Manzi, Zwicker 2013, the tolerances are ours.
+//! The idea is that of Rousselle, Manzi, Zwicker 2013, the tolerances are ours. `[choice]` against distances of
+//! colour alone: relMSE ×0.98 on five scenes, ×0.99 on thirteen others, the most at 16 spp and along edges of
+//! noisy or fine surfaces (foliage ×0.87, specular teapot ×0.89).
 
 use super::weights::{distance_stride, padded, padded_stride, vectors};
 use crate::image::Plane;
 use pulp::Simd;
 
-/// τ: differences of a tenth of a feature's deviation are none. `[choice]`
+/// τ: differences of a tenth of a feature's deviation are none. `[choice]` 0.003 is relMSE ×1.00 on thirteen
+/// scenes and ×0.99 on five others, 0.03 ×1.00 and ×1.01.
 const TOLERANCE: f32 = 0.01;
 
 /// Vectors of a window's widest row, where they are the shortest.

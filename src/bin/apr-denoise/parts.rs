@@ -252,13 +252,13 @@ impl Planes {
     }
 
     /// Bytes for each pixel that is read, when most is held: the planes and their repaired copies, the
-    /// variance as it is and smoothed, the guides of two kernels, the albedo, the filtered features; sums,
-    /// results and pilot of the stages.
+    /// variance as it is and smoothed, the guides of colour, of colour over albedo and of the features, the albedo,
+    /// the filtered features; sums, results and pilot of the stages.
     fn per_pixel(&self) -> usize {
-        let (noise, guides, albedo, pilot, statistics) = (6, 12, 3, 3, 8);
+        let (noise, guides, albedo, pilot, statistics) = (6, 16, 3, 3, 8);
         let targets = 3 + self.aovs;
         let planes =
-            2 * self.all + self.features + noise + guides + albedo + pilot + statistics + 3 * targets;
+            2 * self.all + 3 * self.features + noise + guides + albedo + pilot + statistics + 3 * targets;
         planes * size_of::<f32>()
     }
 
