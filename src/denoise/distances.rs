@@ -26,7 +26,7 @@ pub struct Kind {
 
 /// What the pixels of a frame are compared by.
 #[derive(Debug, Clone, Copy)]
-pub struct Guides<'a> {
+pub struct Compared<'a> {
     /// Colour, or colour over albedo.
     pub color: &'a Guide,
     /// Features.
@@ -78,7 +78,7 @@ impl Distances {
         simd: S,
         kind: Kind,
         centre: [usize; 2],
-        guides: impl Iterator<Item = Guides<'g>> + Clone,
+        guides: impl Iterator<Item = Compared<'g>> + Clone,
         surfaces: Option<f32>,
     ) -> &[f32] {
         if self.held != Some((kind, centre)) {
@@ -211,7 +211,7 @@ mod tests {
         let (color, surfaces) = (&colour(&u, &v), &Surfaces::default());
         let row = distance_stride(2);
         let mut distances = Distances::new(2, 1);
-        let guides = std::iter::once(Guides { color, surfaces });
+        let guides = std::iter::once(Compared { color, surfaces });
         let out = distances.of(pulp::Scalar, COLOR, [3, 2], guides, None);
         assert!(out[2 * row + 2] < 0.0, "a patch is nearer to itself than its noise lets expect");
         let mut expected = 0.0;
@@ -227,7 +227,8 @@ mod tests {
     fn what_is_kept_changes_nothing() {
         let (here, beside, surfaces) = (guide(0), guide(5), [surfaces(0), surfaces(3)]);
         let [mine, theirs] = &surfaces;
-        let guides = [Guides { color: &here, surfaces: mine }, Guides { color: &beside, surfaces: theirs }];
+        let guides =
+            [Compared { color: &here, surfaces: mine }, Compared { color: &beside, surfaces: theirs }];
         let guides = || guides.into_iter();
         let other = Kind { patch_radius: 0, demodulated: true };
         let mut kept = Distances::new(2, 2);
@@ -244,7 +245,7 @@ mod tests {
     #[test]
     fn what_is_farther_apart_counts() {
         let (color, surfaces) = (&colour(&steps(0), &Plane::filled(57, 9, 0.5)), &surfaces(0));
-        let guides = || std::iter::once(Guides { color, surfaces });
+        let guides = || std::iter::once(Compared { color, surfaces });
         let mut distances = Distances::new(2, 1);
         let mut of = |factor| distances.of(pulp::Scalar, COLOR, [20, 4], guides(), factor).to_vec();
         let (color, both) = (of(None), of(Some(0.01)));

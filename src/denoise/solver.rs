@@ -2,7 +2,7 @@
 
 use super::basis::Basis;
 use super::condition;
-use super::distances::{self, Distances, Guides, Kind};
+use super::distances::{self, Compared, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::risk::{self, Choice, Evidence, Reference, Totals};
@@ -226,7 +226,7 @@ impl<'a> Solver<'a> {
         let radius = options.window_radius;
         let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>, surfaces: &'a Surfaces| {
             let color = albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide);
-            Guides { color, surfaces }
+            Compared { color, surfaces }
         };
         let here = chosen(guide, *albedo, surfaces);
         let beside_it = beside.iter().map(|b| chosen(b.guide, b.albedo, b.surfaces));
