@@ -91,9 +91,14 @@ pub struct Kernel {
 }
 
 impl Kernel {
+    /// Weights by the noisy colour alone.
+    pub const fn by_color(patch_radius: usize, bandwidth: f32) -> Self {
+        Self { patch_radius, bandwidth, demodulate: false, feature_bandwidth: None }
+    }
+
     /// By colour; by colour and features; by colour over albedo and features.
     const FAMILIES: [Self; 3] = {
-        let color = Self { patch_radius: 1, bandwidth: 1.0, demodulate: false, feature_bandwidth: None };
+        let color = Self::by_color(1, 1.0);
         let surfaces = Self { feature_bandwidth: Some(FEATURE_BANDWIDTH), ..color };
         [color, surfaces, Self { demodulate: true, ..surfaces }]
     };
@@ -185,8 +190,7 @@ impl Options {
     /// The method as published, where the paper decides: y for μ in the first stage, one bandwidth, the
     /// order with the least risk, plain overlap average, outliers by the neighbours' 3σ.
     pub fn published() -> Self {
-        let [color, ..] = Kernel::FAMILIES;
-        let kernels = vec![Kernel { patch_radius: 3, ..color }];
+        let kernels = vec![Kernel::by_color(3, 1.0)];
         Self {
             min_coverage: 1.0,
             plain_first_stage: true,

@@ -135,8 +135,7 @@ impl Random {
 
 /// The smallest windows, whose halo is the smallest.
 fn small() -> Options {
-    let kernel =
-        |demodulate| Kernel { patch_radius: 1, bandwidth: 1.0, demodulate, feature_bandwidth: Some(2.0) };
+    let kernel = |demodulate| Kernel { demodulate, feature_bandwidth: Some(2.0), ..Kernel::by_color(1, 1.0) };
     Options {
         window_radius: 2,
         center_spacing: 3,

@@ -91,7 +91,7 @@ proptest! {
             let detail: f32 = features.iter().zip(&alpha).map(|(f, a)| a * f.get(x, y)).sum();
             3.0 + c as f32 + smooth + detail
         }));
-        let wide = vec![Kernel { patch_radius: 1, bandwidth: 1e5, demodulate: false, feature_bandwidth: None }];
+        let wide = vec![Kernel::by_color(1, 1e5)];
         let options = Options {
             max_order: order,
             order_choice: choice,

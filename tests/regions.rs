@@ -16,7 +16,7 @@ use exr_files::*;
 
 /// Small windows and one stage: what is tested here is files.
 fn quick() -> Options {
-    let kernel = Kernel { patch_radius: 0, bandwidth: 1.0, demodulate: false, feature_bandwidth: None };
+    let kernel = Kernel::by_color(0, 1.0);
     Options { window_radius: 1, max_order: 1, stages: vec![vec![kernel]], ..Options::default() }
 }
 

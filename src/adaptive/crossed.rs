@@ -89,15 +89,7 @@ fn quick() -> Options {
         center_spacing: 8,
         min_coverage: 0.0,
         max_order: 1,
-        stages: vec![
-            vec![Kernel {
-                patch_radius: 1,
-                bandwidth: 1.0,
-                demodulate: false,
-                feature_bandwidth: None
-            }];
-            2
-        ],
+        stages: vec![vec![Kernel::by_color(1, 1.0)]; 2],
         coarse: false,
         restore: false,
         ..Options::default()

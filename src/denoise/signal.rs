@@ -8,7 +8,7 @@ use super::weights::Guide;
 use super::{Observer, Stage, coarse, variance};
 use crate::frame::Summary;
 use crate::image::{Plane, Rgb, sum_of_channels};
-use crate::options::Options;
+use crate::options::{Kernel, Options};
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -53,8 +53,8 @@ impl Signal<'_> {
     ) -> reconstruct::Stage {
         let color: Rgb = std::array::from_fn(|c| self.targets[c].clone().into_owned());
         let trusted = self.variance.each_ref().map(variance::trusted);
-        let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), options);
-        let surfaces = Surfaces::new(&self.features, &self.spreads, options.window_radius);
+        let features = (&self.features[..], &self.spreads[..]);
+        let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), features, options);
         let basis = Basis::new(options.window_radius, self.features.len(), options.max_order);
         let noise = sum_of_channels(&self.smoothed);
         let mut stage: Option<reconstruct::Stage> = None;
@@ -75,7 +75,7 @@ impl Signal<'_> {
                 pilot: pilot.as_ref(),
                 features: &self.features,
                 guide: &guides.color,
-                surfaces: &surfaces,
+                surfaces: &guides.surfaces,
                 albedo: guides.demodulation(self.albedo.as_ref()),
                 beside,
                 basis: &basis,
@@ -116,22 +116,30 @@ impl Observer for AsOne<'_> {
     }
 }
 
-/// Guides for the weights: the noisy colour, and colour over albedo where a kernel asks for it.
+/// Guides for the weights: the noisy colour, and colour over albedo and the features where a kernel asks for them.
 pub struct Guides {
     /// Of the noisy colour.
     pub color: Guide,
     irradiance: Option<Guide>,
+    /// Of the features; of none where no kernel asks.
+    pub surfaces: Surfaces,
 }
 
 impl Guides {
-    /// Guides of a colour and its variance, and of both over the albedo.
-    pub fn new(color: &Rgb, variance: &Rgb, albedo: Option<&Rgb>, options: &Options) -> Self {
+    /// Guides of a colour and its variance, of both over the albedo, and of the design's features.
+    pub fn new(
+        color: &Rgb,
+        variance: &Rgb,
+        albedo: Option<&Rgb>,
+        (features, spreads): (&[Plane], &[Spread]),
+        options: &Options,
+    ) -> Self {
         let guide = |color: &Rgb, variance: &Rgb| {
             let (radius, patch_radius) = (options.window_radius, options.largest_patch());
             Guide::new(color, variance, options.tolerance, radius, patch_radius)
         };
-        let wanted = options.stages.iter().flatten().any(|kernel| kernel.demodulate);
-        let irradiance = albedo.filter(|_| wanted).map(|albedo| {
+        let wanted = |asks: fn(&Kernel) -> bool| options.stages.iter().flatten().any(asks);
+        let irradiance = albedo.filter(|_| wanted(|kernel| kernel.demodulate)).map(|albedo| {
             let over = |a: &Plane, b: &Plane| {
                 Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
             };
@@ -139,7 +147,12 @@ impl Guides {
             let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));
             guide(&irradiance, &noise)
         });
-        Self { color: guide(color, variance), irradiance }
+        let surfaces = if wanted(|kernel| kernel.feature_bandwidth.is_some()) {
+            Surfaces::new(features, spreads, options.window_radius)
+        } else {
+            Surfaces::default()
+        };
+        Self { color: guide(color, variance), irradiance, surfaces }
     }
 
     /// What demodulated kernels read, where some ask for it and there is an albedo.

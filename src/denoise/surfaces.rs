@@ -12,14 +12,15 @@
 
 use super::weights::{distance_stride, padded, padded_stride, vectors};
 use crate::image::Plane;
+use crate::options::MAX_WINDOW_RADIUS;
 use pulp::Simd;
 
 /// τ: differences of a tenth of a feature's deviation are none. `[choice]` 0.003 is relMSE ×1.00 on thirteen
 /// scenes and ×0.99 on five others, 0.03 ×1.00 and ×1.01.
 const TOLERANCE: f32 = 0.01;
 
-/// Vectors of a window's widest row, where they are the shortest.
-const MOST_VECTORS: usize = 32;
+/// Vectors of the widest window's row, where they are of one number.
+const MOST_VECTORS: usize = distance_stride(MAX_WINDOW_RADIUS);
 
 /// A feature of the design: how many of its planes are in it, and its variance over the whole picture.
 #[derive(Debug, Clone, Copy)]

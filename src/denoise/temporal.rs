@@ -5,7 +5,6 @@
 
 use super::signal::Guides;
 use super::solver::Beside as Samples;
-use super::surfaces::Surfaces;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
 use super::{Design, Ready, targets, variance};
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
@@ -29,7 +28,6 @@ pub(super) struct Warped {
     pub features: Vec<Plane>,
     pub albedo: Option<Rgb>,
     pub guides: Guides,
-    pub surfaces: Surfaces,
     pub steady: Plane,
     pub trust: Plane,
 }
@@ -43,7 +41,7 @@ impl Warped {
             noise: &self.noise,
             features: &self.features,
             guide: &self.guides.color,
-            surfaces: &self.surfaces,
+            surfaces: &self.guides.surfaces,
             albedo: self.guides.demodulation(self.albedo.as_ref()),
             steady: &self.steady,
             trust: &self.trust,
@@ -158,8 +156,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
     let albedo = there.albedo.as_ref().map(rgb);
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
-        surfaces: Surfaces::new(&features, &here.spreads, options.window_radius),
-        guides: Guides::new(&color, &noise, albedo.as_ref(), options),
+        guides: Guides::new(&color, &noise, albedo.as_ref(), (&features, &here.spreads), options),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,
         features,

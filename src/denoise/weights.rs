@@ -34,7 +34,7 @@ pub struct Guide {
 }
 
 /// Samples from one row of a window's distances to the next: whole vectors.
-pub fn distance_stride(radius: usize) -> usize {
+pub const fn distance_stride(radius: usize) -> usize {
     (2 * radius + 1).next_multiple_of(LANES)
 }
 

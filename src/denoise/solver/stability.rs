@@ -34,7 +34,7 @@ const LIGHT_RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/STABILITY.md");
 const TABLE: [&str; 2] = ["<!-- table: BLESS=1 cargo test --lib stability -->\n", "<!-- end of table -->"];
 
-const KERNEL: Kernel = Kernel { patch_radius: 1, bandwidth: 1.2, demodulate: false, feature_bandwidth: None };
+const KERNEL: Kernel = Kernel::by_color(1, 1.2);
 
 /// How far the fast path is from the oracle in one window, by the tier that is farthest.
 #[derive(Default)]
