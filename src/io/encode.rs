@@ -2,9 +2,15 @@
 
 use std::io::{Seek, Write};
 
+use exr::block::chunk::{
+    Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
+};
 use exr::block::writer::{ChunkWriter, ChunksWriter};
 use exr::block::{BlockIndex, UncompressedBlock};
+use exr::meta::BlockDescription;
 use exr::meta::header::Header;
+use exr::prelude::{Compression, Vec2};
+use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
 use crate::error::{Error, ErrorKind};
@@ -12,6 +18,9 @@ use crate::error::{Error, ErrorKind};
 /// Blocks that are compressed together: enough to keep the threads busy, few enough to be a small
 /// share of the memory.
 pub(super) const BATCH: usize = 64;
+
+/// OpenEXR's own level.
+const ZIP_LEVEL: flate2::Compression = flate2::Compression::new(4);
 
 /// Writes `blocks`, each with its index in its header, in their order. Compression runs on rayon's
 /// current threads; the order in the file does not depend on them.
@@ -25,13 +34,53 @@ pub(super) fn write_blocks<W: Write + Seek>(
 ) -> exr::error::UnitResult {
     let chunks: Vec<_> = blocks
         .into_par_iter()
-        .map(|(index, block)| block.compress_to_chunk(headers).map(|chunk| (index, chunk)))
+        .map(|(index, block)| compress(block, headers).map(|chunk| (index, chunk)))
         .collect();
     for chunk in chunks {
         let (index, chunk) = chunk?;
         writer.write_chunk(index, chunk)?;
     }
     Ok(())
+}
+
+/// The chunk of a block. `[choice]` ZIP is compressed here and not by `exr`, whose compressor takes 2.5 times as
+/// long for as many bytes and was a fifth of what the fastest preset takes.
+fn compress(block: UncompressedBlock, headers: &[Header]) -> exr::error::Result<Chunk> {
+    let header = &headers[block.index.layer];
+    let is_zip = matches!(header.compression, Compression::ZIP1 | Compression::ZIP16);
+    if !is_zip || cfg!(target_endian = "big") {
+        return block.compress_to_chunk(headers);
+    }
+    let zipped = zip(&block.data)?;
+    let compressed_pixels_le = if zipped.len() < block.data.len() { zipped } else { block.data };
+    let Vec2(x, y) = block.index.pixel_position;
+    let compressed_block = match header.blocks {
+        BlockDescription::ScanLines => CompressedBlock::ScanLine(CompressedScanLineBlock {
+            compressed_pixels_le,
+            y_coordinate: header.own_attributes.layer_position.y() + y as i32,
+        }),
+        BlockDescription::Tiles(tiles) => CompressedBlock::Tile(CompressedTileBlock {
+            compressed_pixels_le,
+            coordinates: TileCoordinates {
+                tile_index: Vec2(x / tiles.tile_size.x(), y / tiles.tile_size.y()),
+                level_index: block.index.level,
+            },
+        }),
+    };
+    Ok(Chunk { layer_index: block.index.layer, compressed_block })
+}
+
+/// Bytes as ZIP blocks hold them: first those at even places and then those at odd ones, each as its difference
+/// to the one before it plus 128, deflated.
+fn zip(data: &[u8]) -> std::io::Result<Vec<u8>> {
+    let (pairs, last) = data.as_chunks::<2>();
+    let even = pairs.iter().map(|pair| pair[0]).chain(last.iter().copied());
+    let sorted: Vec<u8> = even.chain(pairs.iter().map(|pair| pair[1])).collect();
+    let differences = sorted.windows(2).map(|pair| pair[1].wrapping_sub(pair[0]).wrapping_add(128));
+    let filtered: Vec<u8> = sorted.first().copied().into_iter().chain(differences).collect();
+    let mut encoder = ZlibEncoder::new(Vec::with_capacity(data.len() / 2), ZIP_LEVEL);
+    encoder.write_all(&filtered)?;
+    encoder.finish()
 }
 
 /// The block at `index` whose line of channel `c` at row `y` is filled by `line(c, x, y, bytes)`,
