@@ -1,6 +1,10 @@
 //! Picture buffers: one `f32` plane per channel, row by row from the top left.
 
 use crate::error::{Error, ErrorKind, Result};
+use rayon::prelude::*;
+
+/// Rows that one task takes at least: fewer are not worth handing over.
+pub(crate) const TASK_ROWS: usize = 8;
 
 /// A rectangle of pixels, in the coordinates of the picture it is cut from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,13 +111,39 @@ impl Plane {
         Ok(Self { width, height, data })
     }
 
-    /// A plane whose sample at column `x` and row `y` is `f(x, y)`.
+    /// A plane whose sample at column `x` and row `y` is `f(x, y)`, asked row by row.
     pub fn from_fn(width: usize, height: usize, mut f: impl FnMut(usize, usize) -> f32) -> Self {
         let mut data = Vec::with_capacity(width * height);
         for y in 0..height {
             data.extend((0..width).map(|x| f(x, y)));
         }
         Self { width, height, data }
+    }
+
+    /// The same with the rows in parallel.
+    pub fn par_from_fn(width: usize, height: usize, f: impl Fn(usize, usize) -> f32 + Sync) -> Self {
+        let mut plane = Self::filled(width, height, 0.0);
+        plane.rows_mut().enumerate().for_each(|(y, row)| {
+            row.iter_mut().enumerate().for_each(|(x, sample)| *sample = f(x, y));
+        });
+        plane
+    }
+
+    /// Makes every sample `f` of what it was.
+    pub fn change(&mut self, f: impl Fn(f32) -> f32 + Sync) {
+        self.rows_mut().for_each(|row| row.iter_mut().for_each(|sample| *sample = f(*sample)));
+    }
+
+    /// Makes every sample `f` of what it was and the one of `other`, of the same size, at its place.
+    pub fn combine(&mut self, other: &Self, f: impl Fn(f32, f32) -> f32 + Sync) {
+        self.rows_mut().enumerate().for_each(|(y, row)| {
+            row.iter_mut().zip(other.row(y)).for_each(|(sample, other)| *sample = f(*sample, *other));
+        });
+    }
+
+    /// All rows from the top, to change in parallel.
+    pub fn rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+        self.data.par_chunks_exact_mut(self.width.max(1)).with_min_len(TASK_ROWS)
     }
 
     /// Columns.
@@ -189,13 +219,13 @@ pub fn black(width: usize, height: usize) -> Rgb {
 /// The sum of the three channels, pixel by pixel.
 pub fn sum_of_channels(planes: &Rgb) -> Plane {
     let (width, height) = planes[0].size();
-    Plane::from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>())
+    Plane::par_from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>())
 }
 
 /// The mean over the three channels, pixel by pixel.
 pub fn mean_of_channels(planes: &Rgb) -> Plane {
     let mut mean = sum_of_channels(planes);
-    mean.data_mut().iter_mut().for_each(|value| *value /= 3.0);
+    mean.change(|value| value / 3.0);
     mean
 }
 

@@ -224,7 +224,7 @@ impl Options {
             min_coverage: 2.0,
             max_order: 2,
             stages: vec![vec![color], vec![albedo]],
-            prefilter: PrefilterOptions { window_radius: 3, ..PrefilterOptions::default() },
+            prefilter: PrefilterOptions { window_radius: 2, ..PrefilterOptions::default() },
             ..Self::default()
         }
     }

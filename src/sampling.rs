@@ -53,9 +53,9 @@ impl Default for SamplingOptions {
 /// made of `frame`. Finite and ≥ 0, whatever the frame holds. Without a variance or halves in the
 /// frame it is the denoiser's own risk alone.
 pub fn relative_error(frame: &Frame, denoised: &Denoised) -> Plane {
-    let relative = |of: &dyn Fn(usize, usize, usize) -> f32| {
+    let relative = |of: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
         let (width, height) = denoised.mse.size();
-        Plane::from_fn(width, height, |x, y| {
+        Plane::par_from_fn(width, height, |x, y| {
             let share = |c: usize| of(c, x, y) / (denoised.color[c].get(x, y).powi(2) + EPSILON);
             (share(0) + share(1) + share(2)) / 3.0
         })
@@ -70,7 +70,7 @@ pub fn relative_error(frame: &Frame, denoised: &Denoised) -> Plane {
         (None, None) => return risk,
     };
     let (width, height) = risk.size();
-    Plane::from_fn(width, height, |x, y| CALIBRATION * (risk.get(x, y).sqrt() * noise.get(x, y).sqrt()))
+    Plane::par_from_fn(width, height, |x, y| CALIBRATION * (risk.get(x, y).sqrt() * noise.get(x, y).sqrt()))
 }
 
 /// The mean of an error plane, which is what a target is compared with.
@@ -81,7 +81,7 @@ pub fn mean_error(error: &Plane) -> f64 {
 /// What one more sample would take from every pixel's error, αE/n.
 pub fn priority(error: &Plane, counts: &[u32], options: &SamplingOptions) -> Plane {
     let (width, height) = error.size();
-    Plane::from_fn(width, height, |x, y| {
+    Plane::par_from_fn(width, height, |x, y| {
         let count = f64::from(counts[y * width + x].max(1));
         (options.decay * f64::from(error.get(x, y)) / count) as f32
     })
@@ -135,7 +135,7 @@ pub fn density(
 pub fn proportional(priority: &Plane) -> Plane {
     let shares = shares_of_mean(Some(priority), priority.data().len());
     let (width, height) = priority.size();
-    Plane::from_fn(width, height, |x, y| shares[y * width + x] as f32)
+    Plane::par_from_fn(width, height, |x, y| shares[y * width + x] as f32)
 }
 
 /// Samples per pixel as multiples of their mean over `pixels` pixels; 1 where nothing is known.
@@ -293,7 +293,7 @@ fn smooth(plane: &Plane) -> Plane {
             finite.fold((0.0, 0), |(sum, n), v| (sum + f64::from(v.max(0.0)), n + 1))
         })
         .collect();
-    Plane::from_fn(width, height, |x, y| {
+    Plane::par_from_fn(width, height, |x, y| {
         let column = around(y, height).map(|row| rows[row * width + x]);
         let (sum, count) = column.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
         if count > 0 { (sum / f64::from(count)) as f32 } else { 0.0 }

@@ -39,16 +39,18 @@ pub fn crossed_error(frame: &Frame) -> Result<Plane> {
         Ok(relative_error(&half, &denoise(&half, &quick())?))
     };
     let of = [estimate(0)?, estimate(1)?];
-    Ok(Plane::from_fn(frame.width(), frame.height(), |x, y| of[(x + y + 1) % 2].get(x / BLOCK, y / BLOCK)))
+    Ok(Plane::par_from_fn(frame.width(), frame.height(), |x, y| {
+        of[(x + y + 1) % 2].get(x / BLOCK, y / BLOCK)
+    }))
 }
 
 /// The picture at half its resolution from the pixels of one `colour`, 0 or 1: those with an even or an odd
 /// x + y. Blocks at an odd border take in their neighbour's pixels, so that each has both colours.
 fn one_colour(frame: &Frame, colour: usize) -> Result<Frame> {
-    let blocks = |value: &dyn Fn(usize, usize) -> f32, power: i32| {
+    let blocks = |value: &(dyn Fn(usize, usize) -> f32 + Sync), power: i32| {
         let (width, height) = (frame.width(), frame.height());
         let start = |block: usize, size: usize| (block * BLOCK).min(size.saturating_sub(BLOCK));
-        Plane::from_fn(width.div_ceil(BLOCK), height.div_ceil(BLOCK), |bx, by| {
+        Plane::par_from_fn(width.div_ceil(BLOCK), height.div_ceil(BLOCK), |bx, by| {
             let (x0, y0) = (start(bx, width), start(by, height));
             let (mut sum, mut pixels) = (0.0, 0.0f32);
             for y in y0..(y0 + BLOCK).min(height) {

@@ -17,7 +17,7 @@ pub struct Input<'a> {
     frame: &'a Frame,
     facts: Facts,
     /// The repaired planes.
-    pub clean: Clean,
+    pub clean: Clean<'a>,
     /// Variance of the mean of the colour: given, from the halves, or from the picture itself.
     pub variance: Rgb,
     exposure: f32,
@@ -73,7 +73,12 @@ impl<'a> Input<'a> {
 
     /// The features of the kinds that a regression uses, each with its number in the frame.
     pub fn feature_list(&self) -> impl Iterator<Item = (usize, &Feature)> {
-        self.clean.features.iter().enumerate().filter(|(_, feature)| KINDS.contains(&feature.kind))
+        self.clean
+            .features
+            .iter()
+            .map(|feature| &**feature)
+            .enumerate()
+            .filter(|(_, feature)| KINDS.contains(&feature.kind))
     }
 
     /// The feature planes for a regression, prefiltered, constant ones left out; their names go into the

@@ -37,7 +37,7 @@ pub fn options(options: &Options) -> Options {
 /// Means of 2×2 pixels; an odd last column or row counts twice.
 pub fn halve(plane: &Plane) -> Plane {
     let (w, h) = plane.size();
-    Plane::from_fn(w.div_ceil(2), h.div_ceil(2), |x, y| {
+    Plane::par_from_fn(w.div_ceil(2), h.div_ceil(2), |x, y| {
         let (x, y) = (2 * x, 2 * y);
         let (right, below) = ((x + 1).min(w - 1), (y + 1).min(h - 1));
         // In halves, so that the sum cannot leave the range.
@@ -54,7 +54,7 @@ fn mean(a: f32, b: f32) -> f32 {
 /// The variance of [`halve`]'s means where that of the pixels is `variance`.
 pub fn halve_variance(variance: &Plane) -> Plane {
     let mut halved = halve(variance);
-    halved.data_mut().iter_mut().for_each(|v| *v *= 0.25);
+    halved.change(|v| v * 0.25);
     halved
 }
 
@@ -65,7 +65,7 @@ fn double(plane: &Plane, size: (usize, usize)) -> Plane {
         let first = place as usize;
         (first, (first + 1).min(blocks - 1), place - first as f32)
     };
-    Plane::from_fn(size.0, size.1, |x, y| {
+    Plane::par_from_fn(size.0, size.1, |x, y| {
         let (left, right, u) = between(x, plane.width());
         let (top, bottom, v) = between(y, plane.height());
         let across = |y: usize| (1.0 - u) * plane.get(left, y) + u * plane.get(right, y);
@@ -81,9 +81,9 @@ pub fn merge(fine: &mut Stage, coarse: &Stage, dark_level: f32) {
     let share = shares(fine, &light, coarse, &deltas, dark_level);
     let below = darker(&light, dark_level);
     for (plane, delta) in fine.targets.iter_mut().zip(&deltas) {
-        let added = double(&combine(delta, &share, |delta, share| delta * share), plane.size());
-        let added = added.data().iter().zip(below.data());
-        plane.data_mut().iter_mut().zip(added).for_each(|(value, (added, below))| *value += added * below);
+        let mut added = double(&combine(delta, &share, |delta, share| delta * share), plane.size());
+        added.combine(&below, |added, below| added * below);
+        plane.combine(&added, |value, added| value + added);
     }
 }
 
@@ -105,7 +105,7 @@ fn shares(fine: &Stage, light: &Plane, coarse: &Stage, deltas: &[Plane], dark_le
 /// By how much every pixel is darker than the mean of its block, 0 to 1.
 fn darker(light: &Plane, dark_level: f32) -> Plane {
     let blocks = halve(light);
-    Plane::from_fn(light.width(), light.height(), |x, y| {
+    Plane::par_from_fn(light.width(), light.height(), |x, y| {
         let [own, block] =
             [light.get(x, y), blocks.get(x / 2, y / 2)].map(|light| light.max(0.0) + dark_level);
         (own / block).min(1.0)
@@ -116,9 +116,8 @@ fn difference(a: &Plane, b: &Plane) -> Plane {
     combine(a, b, |a, b| a - b)
 }
 
-fn combine(a: &Plane, b: &Plane, with: impl Fn(f32, f32) -> f32) -> Plane {
-    let data = a.data().iter().zip(b.data()).map(|(&a, &b)| with(a, b)).collect();
-    Plane::from_vec(a.width(), a.height(), data).expect("planes of one size")
+fn combine(a: &Plane, b: &Plane, with: impl Fn(f32, f32) -> f32 + Sync) -> Plane {
+    Plane::par_from_fn(a.width(), a.height(), |x, y| with(a.get(x, y), b.get(x, y)))
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@
 
 use super::outlier::Outlier;
 use crate::image::{Plane, Rect, Rgb};
+use rayon::prelude::*;
 
 /// Pixels from one node to the next.
 const SPACING: usize = 32;
@@ -189,13 +190,14 @@ impl Gains {
     /// has the column and row `origin` in the picture.
     pub fn give_back(&self, plane: &mut Plane, beauty: &Plane, t: usize, origin: (usize, usize)) {
         let Some((gains, even)) = self.gains.get(t).zip(self.even.get(t)) else { return };
-        let width = plane.width();
-        for (i, (value, light)) in plane.data_mut().iter_mut().zip(beauty.data()).enumerate() {
-            let nodes = around(origin.0 + i % width, origin.1 + i / width, self.columns);
-            let gain: f64 = nodes.iter().map(|(node, share)| gains[*node] * share).sum();
-            let more = gain * f64::from(light.max(0.0)) + even;
-            *value = (f64::from(*value) + more).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
-        }
+        plane.rows_mut().enumerate().for_each(|(y, row)| {
+            for (x, (value, light)) in row.iter_mut().zip(beauty.row(y)).enumerate() {
+                let nodes = around(origin.0 + x, origin.1 + y, self.columns);
+                let gain: f64 = nodes.iter().map(|(node, share)| gains[*node] * share).sum();
+                let more = gain * f64::from(light.max(0.0)) + even;
+                *value = (f64::from(*value) + more).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
+            }
+        });
     }
 }
 

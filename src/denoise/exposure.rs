@@ -50,12 +50,12 @@ impl Light {
 
 /// Multiplies a plane by `factor`; what would leave the finite numbers keeps to their end.
 pub fn expose(plane: &mut Plane, factor: f32) {
-    plane.data_mut().iter_mut().for_each(|v| *v = (*v * factor).clamp(f32::MIN, f32::MAX));
+    plane.change(|v| (v * factor).clamp(f32::MIN, f32::MAX));
 }
 
 /// Multiplies a plane of variances by `factor`²; no larger than [`LARGEST_EXPOSED`] either.
 pub fn expose_variance(plane: &mut Plane, factor: f32) {
-    plane.data_mut().iter_mut().for_each(|v| *v = (*v * factor * factor).min(LARGEST_EXPOSED));
+    plane.change(|v| (v * factor * factor).min(LARGEST_EXPOSED));
 }
 
 #[cfg(test)]

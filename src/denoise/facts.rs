@@ -11,6 +11,7 @@ use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_v
 use super::variance::half_difference_squared;
 use crate::frame::{Feature, Frame};
 use crate::image::Plane;
+use rayon::prelude::*;
 
 /// The answers, of the rows that were added so far.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -131,19 +132,27 @@ impl Facts {
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
         }
-        for y in 0..rows.height() {
-            self.add_radiance(rows, y);
-            if let Some(variance) = rows.color_var_of_mean() {
-                let noise = self.variance.get_or_insert_default();
-                add_variance(noise, variance, y, good_variance);
-            }
-            if let Some(halves) = rows.halves() {
-                let noise = self.halves.get_or_insert_default();
-                add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
-                let values = halves.iter().flatten().flat_map(|plane| plane.row(y));
-                values.filter(|v| good_radiance(**v)).for_each(|v| self.light.add_value(*v));
-            }
-            self.features.iter_mut().zip(rows.features()).for_each(|(facts, feature)| facts.add(feature, y));
+        let mut features = std::mem::take(&mut self.features);
+        let add_features = || {
+            let planes = features.par_iter_mut().zip(rows.features());
+            planes.for_each(|(facts, feature)| facts.add(feature));
+        };
+        rayon::join(|| (0..rows.height()).for_each(|y| self.add_colors(rows, y)), add_features);
+        self.features = features;
+    }
+
+    /// Adds row `y` of the colour, its statistics and the AOVs.
+    fn add_colors(&mut self, rows: &Frame, y: usize) {
+        self.add_radiance(rows, y);
+        if let Some(variance) = rows.color_var_of_mean() {
+            let noise = self.variance.get_or_insert_default();
+            add_variance(noise, variance, y, good_variance);
+        }
+        if let Some(halves) = rows.halves() {
+            let noise = self.halves.get_or_insert_default();
+            add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
+            let values = halves.iter().flatten().flat_map(|plane| plane.row(y));
+            values.filter(|v| good_radiance(**v)).for_each(|v| self.light.add_value(*v));
         }
     }
 
@@ -225,16 +234,18 @@ impl FeatureFacts {
         }
     }
 
-    fn add(&mut self, feature: &Feature, y: usize) {
+    fn add(&mut self, feature: &Feature) {
         for (range, plane) in self.planes.iter_mut().zip(&feature.planes) {
-            let good = plane.row(y).iter().filter(|v| good_feature(feature.kind, **v));
+            let good = plane.data().iter().filter(|v| good_feature(feature.kind, **v));
             good.for_each(|v| range.add(limited_feature(*v)));
         }
-        if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
-            add_variance(noise, variance, y, good_feature_variance);
-        }
-        if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
-            add_halves(noise, [a, b], y, |v| good_feature(feature.kind, v), limited_feature);
+        for y in 0..feature.planes.first().map_or(0, Plane::height) {
+            if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
+                add_variance(noise, variance, y, good_feature_variance);
+            }
+            if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
+                add_halves(noise, [a, b], y, |v| good_feature(feature.kind, v), limited_feature);
+            }
         }
     }
 

@@ -154,11 +154,17 @@ fn run(
         energy.sum::<f64>() / f64::from(exposure)
     });
     // A frame beside is brought to this one's exposure and columns.
-    let beside = |other: &Frame| {
-        let known = Facts::of(other).known();
-        prepare(other, facts, &known, options, wanted, &Silent, &mut Summary::default())
-    };
-    let warped = temporal::warped(frame, &ready, neighbours, options, beside, &mut summary);
+    let warped = temporal::warped(
+        frame,
+        &ready,
+        neighbours,
+        options,
+        |other| {
+            let known = Facts::of(other).known();
+            prepare(other, facts, &known, options, wanted, &Silent, &mut Summary::default())
+        },
+        &mut summary,
+    );
     let gains = options.outliers.enabled.then(|| energy(facts, &ready, part)).transpose()?;
     let gains = gains.map(|energy| energy.gains(options.outliers.witnesses));
     let Ready { clean, variance, smoothed, design, spreads, albedo, .. } = ready;
@@ -203,13 +209,13 @@ fn run(
     result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
     // A factor out of range makes 0·∞, which is no number: min takes the other.
-    result.mse.data_mut().iter_mut().for_each(|v| *v = v.min(f32::MAX));
+    result.mse.change(|v| v.min(f32::MAX));
     Ok(assemble(frame, result, wanted, summary))
 }
 
 /// A frame with everything that is known of it before the fits, exposed.
-struct Ready {
-    clean: Clean,
+struct Ready<'a> {
+    clean: Clean<'a>,
     /// Of the colour's mean.
     variance: Rgb,
     /// The same, smoothed.
@@ -230,23 +236,23 @@ struct Design {
 }
 
 /// A frame without what is broken and without outliers, exposed.
-struct Repaired {
-    clean: Clean,
+struct Repaired<'a> {
+    clean: Clean<'a>,
     variance: Rgb,
     outliers: Vec<Outlier>,
     taken: Vec<Vec<f32>>,
 }
 
 /// The stages that look at single pixels.
-fn repair(
-    frame: &Frame,
+fn repair<'a>(
+    frame: &'a Frame,
     exposure: f32,
     known: &Known,
     options: &Options,
     wanted: Rect,
     observer: &dyn Observer,
     summary: &mut Summary,
-) -> Repaired {
+) -> Repaired<'a> {
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
     let mut clean = sanitize::apply(frame, known, wanted, summary);
@@ -284,7 +290,7 @@ impl Facts {
 }
 
 /// The energy of the picture's outliers, of which a whole picture needs no facts.
-fn energy<'a>(facts: &'a Facts, ready: &Ready, part: &Part) -> Result<Cow<'a, Energy>> {
+fn energy<'a>(facts: &'a Facts, ready: &Ready<'_>, part: &Part) -> Result<Cow<'a, Energy>> {
     if let Some(energy) = &facts.energy {
         return Ok(Cow::Borrowed(energy));
     }
@@ -298,15 +304,15 @@ fn energy<'a>(facts: &'a Facts, ready: &Ready, part: &Part) -> Result<Cow<'a, En
 }
 
 /// All stages before the fits.
-fn prepare(
-    frame: &Frame,
+fn prepare<'a>(
+    frame: &'a Frame,
     facts: &Facts,
     known: &Known,
     options: &Options,
     wanted: Rect,
     observer: &dyn Observer,
     summary: &mut Summary,
-) -> Ready {
+) -> Ready<'a> {
     let Repaired { clean, variance, outliers, taken } =
         repair(frame, facts.exposure(), known, options, wanted, observer, summary);
     observer.stage(Stage::Prefilter);
@@ -333,7 +339,7 @@ fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
 }
 
 /// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
-fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) {
+fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean<'_>, variance: &Rgb) {
     let shares = restore::detail_shares(&clean.color, &result.color(), variance);
     for (plane, noisy) in result.targets.iter_mut().zip(targets(clean)) {
         restore::blend(plane, noisy, &shares);
@@ -342,14 +348,14 @@ fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean, variance: &Rgb) 
     let factors: Rgb =
         std::array::from_fn(|c| restore::light_factors(&clean.color[c], &result.targets[c], &variance[c]));
     for (t, plane) in result.targets.iter_mut().enumerate() {
-        plane.data_mut().iter_mut().zip(factors[t % 3].data()).for_each(|(value, factor)| *value *= factor);
+        plane.combine(&factors[t % 3], |value, factor| value * factor);
     }
 }
 
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
 /// floor added, that demodulated kernels divide by. The spreads tell which planes are of one feature.
 fn design_features(
-    clean: &Clean,
+    clean: &Clean<'_>,
     facts: &Facts,
     known: &Known,
     options: &Options,
@@ -361,7 +367,7 @@ fn design_features(
         let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
         if let (FeatureKind::Albedo, [r, g, b]) = (feature.kind, &filtered[..]) {
             let floored = |plane: &Plane| {
-                Plane::from_fn(plane.width(), plane.height(), |x, y| {
+                Plane::par_from_fn(plane.width(), plane.height(), |x, y| {
                     plane.get(x, y).clamp(0.0, LARGEST_ALBEDO) + options.albedo_floor
                 })
             };
@@ -388,15 +394,15 @@ fn design_features(
 }
 
 /// The planes to reconstruct: the colour's, then every AOV's.
-pub(crate) fn targets(clean: &Clean) -> impl Iterator<Item = &Plane> {
+pub(crate) fn targets<'a>(clean: &'a Clean<'_>) -> impl Iterator<Item = &'a Plane> {
     clean.color.iter().chain(clean.aovs.iter().flatten())
 }
 
-fn targets_mut(clean: &mut Clean) -> impl Iterator<Item = &mut Plane> {
+fn targets_mut<'a>(clean: &'a mut Clean<'_>) -> impl Iterator<Item = &'a mut Plane> {
     clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten())
 }
 
-pub(crate) fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
+pub(crate) fn expose(clean: &mut Clean<'_>, variance: &mut Rgb, factor: f32) {
     targets_mut(clean).for_each(|plane| exposure::expose(plane, factor));
     for plane in clean.halves.iter_mut().flatten().flatten() {
         exposure::expose(plane, factor);
@@ -404,7 +410,7 @@ pub(crate) fn expose(clean: &mut Clean, variance: &mut Rgb, factor: f32) {
     variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
 }
 
-fn unchanged(frame: &Frame, clean: Clean, wanted: Rect, summary: Summary) -> Denoised {
+fn unchanged(frame: &Frame, clean: Clean<'_>, wanted: Rect, summary: Summary) -> Denoised {
     let none = || Plane::filled(wanted.width, wanted.height, 0.0);
     let cut = |color: Rgb| color.map(|plane| plane.into_part(wanted));
     let names = frame.aovs().iter().map(|aov| aov.name.clone());

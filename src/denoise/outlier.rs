@@ -40,7 +40,7 @@ pub fn find(
 ) -> Vec<Outlier> {
     let (width, height) = color[0].size();
     let intensity = mean_of_channels(color);
-    let deviation = Plane::from_fn(width, height, |x, y| {
+    let deviation = Plane::par_from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
         let own = variance.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0;
         let half = halves.map_or(0.0, |[a, b]| {
@@ -50,20 +50,25 @@ pub fn find(
     });
     let rows: Vec<Vec<Outlier>> = (0..height)
         .into_par_iter()
-        .map(|y| (0..width).filter_map(|x| judge(&intensity, &deviation, x, y, options)).collect())
+        .map_init(Vec::new, |neighbours, y| {
+            (0..width).filter_map(|x| judge(&intensity, &deviation, (x, y), neighbours, options)).collect()
+        })
         .collect();
     rows.concat()
 }
 
+/// A neighbour's intensity, column and row, and its noise variance.
+type Neighbour = (f32, usize, usize, f32);
+
 fn judge(
     intensity: &Plane,
     deviation: &Plane,
-    x: usize,
-    y: usize,
+    (x, y): (usize, usize),
+    neighbours: &mut Vec<Neighbour>,
     options: &OutlierOptions,
 ) -> Option<Outlier> {
     let (width, height) = intensity.size();
-    let mut neighbours = Vec::with_capacity((2 * options.radius + 1).pow(2));
+    neighbours.clear();
     for ny in y.saturating_sub(options.radius)..(y + options.radius + 1).min(height) {
         for nx in x.saturating_sub(options.radius)..(x + options.radius + 1).min(width) {
             if (nx, ny) != (x, y) {
@@ -74,7 +79,7 @@ fn judge(
     if neighbours.len() < 3 {
         return None; // a picture of one row or column of pixels has no witnesses
     }
-    neighbours.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.2, a.1).cmp(&(b.2, b.1))));
+    neighbours.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then((a.2, a.1).cmp(&(b.2, b.1))));
     let trusted = &neighbours[..neighbours.len() - neighbours.len().div_ceil(DISTRUSTED_SHARE)];
     let n = trusted.len() as f32;
     let mean = trusted.iter().map(|t| t.0).sum::<f32>() / n;

@@ -167,14 +167,24 @@ impl Sums {
         self.data[self.at(x, y) + self.depth - 1]
     }
 
-    fn add(&mut self, other: &Sums) {
-        let row = other.rect.width * other.depth;
-        for (dy, values) in other.data.chunks_exact(row).enumerate() {
-            let start = self.at(other.rect.x, other.rect.y + dy);
-            self.data[start..start + row].iter_mut().zip(values).for_each(|(a, b)| *a += b);
+    /// Adds those of tiles, in their order; rows in parallel.
+    fn add(&mut self, tiles: &[Sums]) {
+        let (top, left) = (self.rect.y, self.rect.x);
+        let row = (self.rect.width * self.depth).max(1);
+        self.data.par_chunks_exact_mut(row).enumerate().for_each(|(y, sums)| {
+            for tile in tiles {
+                let Some(dy) = (y + top).checked_sub(tile.rect.y).filter(|dy| *dy < tile.rect.height) else {
+                    continue;
+                };
+                let row = tile.rect.width * tile.depth;
+                let sums = &mut sums[(tile.rect.x - left) * tile.depth..][..row];
+                sums.iter_mut().zip(&tile.data[dy * row..]).for_each(|(a, b)| *a += b);
+            }
+        });
+        for tile in tiles {
+            self.fits += tile.fits;
+            self.orders.iter_mut().zip(tile.orders).for_each(|(a, b)| *a += b);
         }
-        self.fits += other.fits;
-        self.orders.iter_mut().zip(other.orders).for_each(|(a, b)| *a += b);
     }
 }
 
@@ -202,7 +212,7 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dy
     let bandwidth = kernels.iter().fold(0.0f32, |widest, kernel| widest.max(kernel.bandwidth));
     let widest: Vec<Kernel> =
         kernels.iter().copied().filter(|kernel| kernel.bandwidth == bandwidth).collect();
-    let grid = Plane::from_fn(width, height, |x, y| sums.coverage(x, y));
+    let grid = Plane::par_from_fn(width, height, |x, y| sums.coverage(x, y));
     in_tiles(problem, &mut sums, &tested, |solver, local, tile| {
         for y in tile.y..tile.y + tile.height {
             for x in tile.x..tile.x + tile.width {
@@ -239,7 +249,7 @@ fn in_tiles(
                 },
             )
             .collect();
-        done.iter().for_each(|tile| sums.add(tile));
+        sums.add(&done);
     }
 }
 
@@ -317,8 +327,8 @@ fn worth_a_fit(problem: &Problem<'_>, x: usize, y: usize) -> bool {
 fn finish(problem: &Problem<'_>, sums: Sums, grid_fits: usize) -> Stage {
     let (width, height) = problem.targets[0].size();
     let count = problem.targets.len();
-    let plane = |k: usize, otherwise: &dyn Fn(usize, usize) -> f32| {
-        Plane::from_fn(width, height, |x, y| {
+    let plane = |k: usize, otherwise: &(dyn Fn(usize, usize) -> f32 + Sync)| {
+        Plane::par_from_fn(width, height, |x, y| {
             let pixel = &sums.data[(y * width + x) * sums.depth..][..sums.depth];
             if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
         })

@@ -14,6 +14,7 @@
 
 use super::variance::smooth;
 use crate::image::{Plane, Rgb};
+use rayon::prelude::*;
 
 /// Radius of the neighbourhood over which S and N are summed for detail.
 const DETAIL_RADIUS: usize = 2;
@@ -40,7 +41,7 @@ const LIGHT_RANGE: (f32, f32) = (0.5, 2.0);
 /// The share of the residual to give back at every pixel, 0 to 1.
 pub fn detail_shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane {
     let (width, height) = noisy[0].size();
-    let residual = Plane::from_fn(width, height, |x, y| {
+    let residual = Plane::par_from_fn(width, height, |x, y| {
         noisy
             .iter()
             .zip(reconstruction)
@@ -48,9 +49,9 @@ pub fn detail_shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane
             .sum::<f32>()
             .min(f32::MAX)
     });
-    let noise = Plane::from_fn(width, height, |x, y| variance.iter().map(|v| v.get(x, y)).sum());
+    let noise = Plane::par_from_fn(width, height, |x, y| variance.iter().map(|v| v.get(x, y)).sum());
     let (residual, noise) = (smooth(&residual, DETAIL_RADIUS), smooth(&noise, DETAIL_RADIUS));
-    let shares = Plane::from_fn(width, height, |x, y| {
+    let shares = Plane::par_from_fn(width, height, |x, y| {
         let (s, n) = (residual.get(x, y), noise.get(x, y));
         if s > 0.0 { (1.0 - DETAIL_MARGIN * n / s).max(0.0) } else { 0.0 }
     });
@@ -59,21 +60,23 @@ pub fn detail_shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb) -> Plane
 
 /// plane ← plane + share · (noisy − plane).
 pub fn blend(plane: &mut Plane, noisy: &Plane, shares: &Plane) {
-    for ((value, noisy), share) in plane.data_mut().iter_mut().zip(noisy.data()).zip(shares.data()) {
-        *value += share * (noisy - *value);
-    }
+    plane.rows_mut().enumerate().for_each(|(y, row)| {
+        for ((value, noisy), share) in row.iter_mut().zip(noisy.row(y)).zip(shares.row(y)) {
+            *value += share * (noisy - *value);
+        }
+    });
 }
 
 /// The factor by which every pixel of one channel is to be multiplied: 1 where the mean residual around
 /// it is within its noise.
 pub fn light_factors(noisy: &Plane, reconstruction: &Plane, variance: &Plane) -> Plane {
     let (width, height) = noisy.size();
-    let missing = Plane::from_fn(width, height, |x, y| noisy.get(x, y) - reconstruction.get(x, y));
+    let missing = Plane::par_from_fn(width, height, |x, y| noisy.get(x, y) - reconstruction.get(x, y));
     let missing = smooth(&missing, LIGHT_RADIUS);
     let light = smooth(reconstruction, LIGHT_RADIUS);
     let noise = smooth(variance, LIGHT_RADIUS);
     let pixels = (2 * LIGHT_RADIUS + 1).pow(2) as f32;
-    Plane::from_fn(width, height, |x, y| {
+    Plane::par_from_fn(width, height, |x, y| {
         let (missing, light) = (missing.get(x, y), light.get(x, y));
         let chance = LIGHT_MARGIN * noise.get(x, y) / pixels;
         let signal = missing * missing;

@@ -10,9 +10,14 @@
 use super::facts::{Known, KnownFeature};
 use crate::frame::{Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
+use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Pixels up to this far from a good one are repaired from what is good.
 pub const REACH: usize = 16;
+
+/// Pixels that one task looks at, at least.
+const TASK: usize = 1 << 13;
 
 /// Radiance beyond this is a defect: its square would leave `f32` whatever the exposure.
 const LARGEST_RADIANCE: f32 = 1e32;
@@ -25,7 +30,7 @@ const LARGEST_FEATURE: f32 = 1e15;
 
 /// A frame without NaN and infinity.
 #[derive(Debug, Clone)]
-pub struct Clean {
+pub struct Clean<'a> {
     /// Noisy colour.
     pub color: Rgb,
     /// Variance of the colour's mean, ≥ 0.
@@ -34,8 +39,8 @@ pub struct Clean {
     pub halves: Option<[Rgb; 2]>,
     /// Pictures that go through the beauty's operator.
     pub aovs: Vec<Rgb>,
-    /// Features, their variances ≥ 0.
-    pub features: Vec<Feature>,
+    /// Features, their variances ≥ 0; the frame's own where there was nothing to repair.
+    pub features: Vec<Cow<'a, Feature>>,
 }
 
 /// Whether a radiance is a number that the method can take.
@@ -66,13 +71,13 @@ pub fn good_feature_variance(value: f32) -> bool {
 /// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Planes
 /// that are a number nowhere in the whole picture, as it is `known`, are left out: of the colour and the AOVs
 /// such a channel is black, of the features such a plane is 0, statistics are done without.
-pub(crate) fn apply(frame: &Frame, known: &Known, counted: Rect, summary: &mut Summary) -> Clean {
+pub(crate) fn apply<'a>(frame: &'a Frame, known: &Known, counted: Rect, summary: &mut Summary) -> Clean<'a> {
     let mut clean = Clean {
         color: frame.color().clone(),
         variance: frame.color_var_of_mean().filter(|_| known.variance).cloned(),
         halves: frame.halves().filter(|_| known.halves).cloned(),
         aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
-        features: frame.features().to_vec(),
+        features: vec![],
     };
     blacken(&mut clean.color, &known.color);
     let bad_color = bad_pixels(&clean.color, good_radiance);
@@ -87,43 +92,84 @@ pub(crate) fn apply(frame: &Frame, known: &Known, counted: Rect, summary: &mut S
         let bad = either(bad_pixels(halves.iter().flatten(), good_radiance), &bad_color);
         summary.repaired_halves = repair(halves.iter_mut().flatten(), &bad, counted) - summary.repaired_color;
     }
-    summary.negative_color =
-        counted.pixels().filter(|&(x, y)| clean.color.iter().any(|plane| plane.get(x, y) < 0.0)).count();
+    summary.negative_color = negative(&clean.color, counted);
     if let Some(variance) = &mut clean.variance {
         blacken(variance, &known.color);
         let bad = bad_pixels(&*variance, good_variance);
         summary.repaired_variance = repair(variance.iter_mut(), &bad, counted);
     }
-    for (feature, known) in clean.features.iter_mut().zip(&known.features) {
-        repair_feature(feature, known, counted, summary);
+    let features = frame.features().par_iter().zip(&known.features);
+    let repaired: Vec<_> = features.map(|(feature, known)| repair_feature(feature, known, counted)).collect();
+    for (feature, [planes, halves, variances]) in repaired {
+        clean.features.push(feature);
+        summary.repaired_features += planes;
+        summary.repaired_halves += halves;
+        summary.repaired_variance += variances;
     }
     summary.notes.extend(left_out(frame, known));
     clean
 }
 
-fn repair_feature(feature: &mut Feature, known: &KnownFeature, counted: Rect, summary: &mut Summary) {
-    let good = |v: f32| good_feature(feature.kind, v);
+/// How many of the `counted` pixels have a negative channel.
+fn negative(color: &Rgb, counted: Rect) -> usize {
+    let rows = (counted.y..counted.y + counted.height).into_par_iter();
+    let columns = counted.x..counted.x + counted.width;
+    rows.map(|y| {
+        let [r, g, b] = color.each_ref().map(|plane| &plane.row(y)[columns.clone()]);
+        r.iter().zip(g).zip(b).filter(|((r, g), b)| r.min(**g).min(**b) < 0.0).count()
+    })
+    .sum()
+}
+
+/// The feature repaired, and how many of the counted pixels were bad in its planes, halves and variances.
+fn repair_feature<'a>(
+    feature: &'a Feature,
+    known: &KnownFeature,
+    counted: Rect,
+) -> (Cow<'a, Feature>, [usize; 3]) {
+    if is_fine(feature, known) {
+        return (Cow::Borrowed(feature), [0; 3]);
+    }
+    let mut feature = feature.clone();
+    let kind = feature.kind;
+    let good = |v: f32| good_feature(kind, v);
     blacken(&mut feature.planes, &known.planes);
     let bad = bad_pixels(&feature.planes, good);
     // Limited first: what is far to both sides has no mean.
-    feature.planes.iter_mut().for_each(|plane| change(plane, limited_feature));
-    summary.repaired_features += repair(feature.planes.iter_mut(), &bad, counted);
+    feature.planes.iter_mut().for_each(|plane| plane.change(limited_feature));
+    let in_planes = repair(feature.planes.iter_mut(), &bad, counted);
     feature.halves = feature.halves.take().filter(|_| known.halves);
+    let mut in_halves = 0;
     for half in feature.halves.iter_mut().flatten() {
         blacken(half, &known.planes);
         for plane in half {
             let bad = bad_pixels([&*plane], good);
-            change(plane, limited_feature);
-            summary.repaired_halves += repair([plane], &bad, counted);
+            plane.change(limited_feature);
+            in_halves += repair([plane], &bad, counted);
         }
     }
     feature.var_of_mean = feature.var_of_mean.take().filter(|_| known.variance);
+    let mut in_variances = 0;
     if let Some(variance) = &mut feature.var_of_mean {
         blacken(variance, &known.planes);
         let bad = bad_pixels(&*variance, good_feature_variance);
-        variance.iter_mut().for_each(|plane| change(plane, |v| v.min(LARGEST_FEATURE * LARGEST_FEATURE)));
-        summary.repaired_variance += repair(variance.iter_mut(), &bad, counted);
+        variance.iter_mut().for_each(|plane| plane.change(|v| v.min(LARGEST_FEATURE * LARGEST_FEATURE)));
+        in_variances = repair(variance.iter_mut(), &bad, counted);
     }
+    (Cow::Owned(feature), [in_planes, in_halves, in_variances])
+}
+
+/// Whether repair would change nothing in `feature`.
+fn is_fine(feature: &Feature, known: &KnownFeature) -> bool {
+    let all =
+        |planes: &[Plane], fine: fn(f32) -> bool| planes.iter().all(|p| p.data().iter().all(|&v| fine(v)));
+    let values = |planes: &[Plane]| all(planes, |v| v.abs() <= LARGEST_FEATURE);
+    let variances =
+        |planes: &[Plane]| all(planes, |v| (0.0..=LARGEST_FEATURE * LARGEST_FEATURE).contains(&v));
+    known.planes.iter().all(|known| *known)
+        && values(&feature.planes)
+        && feature.halves.as_ref().is_none_or(|halves| known.halves && halves.iter().all(|half| values(half)))
+        && feature.var_of_mean.as_ref().is_none_or(|variance| known.variance && variances(variance))
 }
 
 /// Sets the planes to 0 that are not `known`.
@@ -159,18 +205,15 @@ fn left_out(frame: &Frame, known: &Known) -> Vec<String> {
     notes
 }
 
-fn change(plane: &mut Plane, f: impl Fn(f32) -> f32) {
-    plane.data_mut().iter_mut().for_each(|v| *v = f(*v));
-}
-
 /// The pixels at which any of `planes` is not `good`.
-fn bad_pixels<'a>(planes: impl IntoIterator<Item = &'a Plane>, good: impl Fn(f32) -> bool) -> Vec<bool> {
-    let mut planes = planes.into_iter();
-    let mut bad: Vec<bool> = planes.next().into_iter().flat_map(Plane::data).map(|&v| !good(v)).collect();
-    for plane in planes {
-        bad.iter_mut().zip(plane.data()).for_each(|(bad, &v)| *bad |= !good(v));
-    }
-    bad
+fn bad_pixels<'a>(
+    planes: impl IntoIterator<Item = &'a Plane>,
+    good: impl Fn(f32) -> bool + Sync,
+) -> Vec<bool> {
+    let planes: Vec<&Plane> = planes.into_iter().collect();
+    let bad = |i: usize| planes.iter().any(|plane| !good(plane.data()[i]));
+    let pixels = planes.first().map_or(0, |plane| plane.data().len());
+    (0..pixels).into_par_iter().with_min_len(TASK).map(bad).collect()
 }
 
 fn either(mut a: Vec<bool>, b: &[bool]) -> Vec<bool> {
@@ -229,7 +272,7 @@ mod tests {
     use super::*;
     use crate::denoise::Facts;
 
-    fn applied(frame: &Frame, summary: &mut Summary) -> Clean {
+    fn applied<'a>(frame: &'a Frame, summary: &mut Summary) -> Clean<'a> {
         let all = Rect::whole((frame.width(), frame.height()));
         apply(frame, &Facts::of(frame).known(), all, summary)
     }

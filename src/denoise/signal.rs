@@ -141,7 +141,7 @@ impl Guides {
         let wanted = |asks: fn(&Kernel) -> bool| options.stages.iter().flatten().any(asks);
         let irradiance = albedo.filter(|_| wanted(|kernel| kernel.demodulate)).map(|albedo| {
             let over = |a: &Plane, b: &Plane| {
-                Plane::from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
+                Plane::par_from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
             };
             let irradiance: Rgb = std::array::from_fn(|c| over(&color[c], &albedo[c]));
             let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));

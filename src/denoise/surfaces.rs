@@ -103,7 +103,7 @@ impl Surfaces {
 /// 1/d of a feature's `planes` at every pixel.
 fn sharpness(planes: &[Plane], variance: f32) -> Plane {
     let (width, height) = planes[0].size();
-    Plane::from_fn(width, height, |x, y| {
+    Plane::par_from_fn(width, height, |x, y| {
         let columns = [x.saturating_sub(1), (x + 1).min(width - 1)];
         let rows = [y.saturating_sub(1), (y + 1).min(height - 1)];
         let slope = planes.iter().map(|plane| {

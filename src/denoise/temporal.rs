@@ -77,10 +77,10 @@ impl Side {
 /// says in `summary` which they are and why others are not.
 pub(super) fn warped(
     frame: &Frame,
-    ready: &Ready,
+    ready: &Ready<'_>,
     neighbours: &Neighbours<'_>,
     options: &Options,
-    prepare: impl Fn(&Frame) -> Ready,
+    prepare: impl Fn(&Frame) -> Ready<'_>,
     summary: &mut Summary,
 ) -> Vec<Warped> {
     let mut found = vec![];

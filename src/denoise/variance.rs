@@ -3,6 +3,7 @@
 use super::sanitize::Clean;
 use crate::frame::Summary;
 use crate::image::{Plane, Rgb};
+use rayon::prelude::*;
 
 /// Radius over which single-pixel estimates (one degree of freedom each) are averaged.
 const ESTIMATE_RADIUS: usize = 3;
@@ -11,7 +12,7 @@ const ESTIMATE_RADIUS: usize = 3;
 pub const REACH: usize = ESTIMATE_RADIUS + 1;
 
 /// The variance of the mean of `clean`'s colour, with a note in `summary` on how it was had.
-pub fn of_mean(clean: &Clean, summary: &mut Summary) -> Rgb {
+pub fn of_mean(clean: &Clean<'_>, summary: &mut Summary) -> Rgb {
     if let Some(variance) = &clean.variance {
         return variance.clone();
     }
@@ -27,7 +28,7 @@ pub fn of_mean(clean: &Clean, summary: &mut Summary) -> Rgb {
 
 /// ((A − B)/2)²: unbiased for the variance of (A + B)/2, with one degree of freedom.
 pub fn from_halves(a: &Plane, b: &Plane) -> Plane {
-    Plane::from_fn(a.width(), a.height(), |x, y| half_difference_squared(a.get(x, y), b.get(x, y)))
+    Plane::par_from_fn(a.width(), a.height(), |x, y| half_difference_squared(a.get(x, y), b.get(x, y)))
 }
 
 /// ((a − b)/2)².
@@ -45,7 +46,7 @@ fn from_picture(color: &Plane) -> Plane {
         color.get(x.clamp(0, w as isize - 1) as usize, y.clamp(0, h as isize - 1) as usize)
     };
     let stencil = [1.0f32, -2.0, 1.0];
-    let high_pass = Plane::from_fn(w, h, |x, y| {
+    let high_pass = Plane::par_from_fn(w, h, |x, y| {
         let mut sum = 0.0;
         for (j, v) in stencil.iter().enumerate() {
             for (i, u) in stencil.iter().enumerate() {
@@ -55,7 +56,7 @@ fn from_picture(color: &Plane) -> Plane {
         (sum / 6.0).abs()
     });
     let mut variance = smooth(&high_pass, ESTIMATE_RADIUS);
-    variance.data_mut().iter_mut().for_each(|v| *v = *v * *v * std::f32::consts::FRAC_PI_2);
+    variance.change(|v| v * v * std::f32::consts::FRAC_PI_2);
     variance
 }
 
@@ -72,7 +73,7 @@ pub const TRUSTED_RADIUS: usize = 4;
 /// among them brightened would resemble nothing.
 pub fn trusted(variance: &Plane) -> Plane {
     let around = smooth(variance, TRUSTED_RADIUS);
-    Plane::from_fn(variance.width(), variance.height(), |x, y| {
+    Plane::par_from_fn(variance.width(), variance.height(), |x, y| {
         variance.get(x, y).max(LEAST_SHARE * around.get(x, y))
     })
 }
@@ -84,28 +85,35 @@ pub fn smooth(plane: &Plane, radius: usize) -> Plane {
     }
     let (w, h) = plane.size();
     let window = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
-    let mut sums = vec![0.0f64; w];
-    let mut rows = Vec::with_capacity(w * h);
-    for y in 0..h {
-        // Shift by shift: all columns at once, each in the order of its window.
-        let row = plane.row(y);
-        sums.fill(0.0);
-        for shift in 0..=2 * radius {
-            let to = radius.saturating_sub(shift);
-            let from = &row[shift.saturating_sub(radius).min(w)..];
-            sums[to.min(w)..].iter_mut().zip(from).for_each(|(sum, v)| *sum += f64::from(*v));
-        }
-        rows.extend(sums.iter().enumerate().map(|(x, sum)| (sum / window(x, w).len() as f64) as f32));
-    }
-    let mut data = Vec::with_capacity(w * h);
-    for y in 0..h {
-        sums.fill(0.0);
-        for row in rows.chunks_exact(w).take(window(y, h).end).skip(window(y, h).start) {
-            sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += f64::from(*v));
-        }
-        data.extend(sums.iter().map(|sum| (sum / window(y, h).len() as f64) as f32));
-    }
-    Plane::from_vec(w, h, data).expect("as many values as the plane")
+    let mut across = Plane::filled(w, h, 0.0);
+    across.rows_mut().enumerate().for_each_init(
+        || vec![0.0f64; w],
+        |sums, (y, means)| {
+            // Shift by shift: all columns at once, each in the order of its window.
+            sums.fill(0.0);
+            for shift in 0..=2 * radius {
+                let to = radius.saturating_sub(shift);
+                let from = &plane.row(y)[shift.saturating_sub(radius).min(w)..];
+                sums[to.min(w)..].iter_mut().zip(from).for_each(|(sum, v)| *sum += f64::from(*v));
+            }
+            for (x, (mean, sum)) in means.iter_mut().zip(&*sums).enumerate() {
+                *mean = (sum / window(x, w).len() as f64) as f32;
+            }
+        },
+    );
+    let mut smooth = Plane::filled(w, h, 0.0);
+    smooth.rows_mut().enumerate().for_each_init(
+        || vec![0.0f64; w],
+        |sums, (y, means)| {
+            sums.fill(0.0);
+            for row in window(y, h) {
+                sums.iter_mut().zip(across.row(row)).for_each(|(sum, v)| *sum += f64::from(*v));
+            }
+            let rows = window(y, h).len() as f64;
+            means.iter_mut().zip(&*sums).for_each(|(mean, sum)| *mean = (sum / rows) as f32);
+        },
+    );
+    smooth
 }
 
 #[cfg(test)]

@@ -72,7 +72,7 @@ impl Flow {
     /// `plane` of the other frame at this frame's pixels; where the place is not known, of some pixel near.
     pub fn warp(&self, plane: &Plane) -> Plane {
         let (width, height) = self.size;
-        Plane::from_fn(width, height, |x, y| plane.data()[self.places[y * width + x]])
+        Plane::par_from_fn(width, height, |x, y| plane.data()[self.places[y * width + x]])
     }
 
     /// 1 where the place is known, 0 elsewhere; a share of 1 where several pixels have the same place, as where
@@ -82,7 +82,7 @@ impl Flow {
         let known = || self.places.iter().zip(&self.inside).filter(|(_, inside)| **inside);
         let mut pixels = vec![0u32; width * height];
         known().for_each(|(place, _)| pixels[*place] += 1);
-        Plane::from_fn(width, height, |x, y| {
+        Plane::par_from_fn(width, height, |x, y| {
             let i = y * width + x;
             if self.inside[i] { 1.0 / pixels[self.places[i]] as f32 } else { 0.0 }
         })
@@ -124,17 +124,17 @@ pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [
     // The channels share their samples: their deviations add, not their variances.
     let deviation =
         |noise: &Rgb, x: usize, y: usize| noise.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>().powi(2);
-    let difference = Plane::from_fn(width, height, |x, y| {
+    let difference = Plane::par_from_fn(width, height, |x, y| {
         let sum = |rgb: &Rgb| rgb.iter().map(|plane| plane.get(x, y)).sum::<f32>();
         seen(x, y) * (sum(there) - sum(here))
     });
-    let variance = Plane::from_fn(width, height, |x, y| {
+    let variance = Plane::par_from_fn(width, height, |x, y| {
         seen(x, y) * (deviation(noise, x, y) + deviation(its_noise, x, y))
     });
     let (difference, variance) = (smooth(&difference, LIGHT_RADIUS), smooth(&variance, LIGHT_RADIUS));
     let pixels =
         |at: usize, limit: usize| (at + LIGHT_RADIUS + 1).min(limit) - at.saturating_sub(LIGHT_RADIUS);
-    Plane::from_fn(width, height, |x, y| {
+    Plane::par_from_fn(width, height, |x, y| {
         // With sums over the trusted pixels z² = (Σ d)²/Σ σ², whose means over n pixels these are.
         let count = (pixels(x, width) * pixels(y, height)) as f32;
         let excess = difference.get(x, y).powi(2) * count - LIGHT_CHANCE * variance.get(x, y);

@@ -213,7 +213,7 @@ impl Group {
 /// `2·mean − A`.
 fn other_half(mean: &[Plane], a: &[Plane]) -> Vec<Plane> {
     let other = |(mean, a): (&Plane, &Plane)| {
-        Plane::from_fn(mean.width(), mean.height(), |x, y| 2.0 * mean.get(x, y) - a.get(x, y))
+        Plane::par_from_fn(mean.width(), mean.height(), |x, y| 2.0 * mean.get(x, y) - a.get(x, y))
     };
     mean.iter().zip(a).map(other).collect()
 }

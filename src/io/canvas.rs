@@ -9,6 +9,7 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
+use rayon::prelude::*;
 
 use super::document::block_bounds;
 use super::encode::{BATCH, block_from_lines, write_blocks};
@@ -82,8 +83,8 @@ impl Canvas {
             order.reverse();
         }
         for batch in order.chunks(BATCH) {
-            let blocks = batch.iter().map(|&index| (index, self.block(header, part, index)));
-            write_blocks(writer, headers, blocks.collect())?;
+            let blocks = batch.par_iter().map(|&index| (index, self.block(header, part, index)));
+            write_blocks(writer, headers, blocks)?;
         }
         Ok(())
     }

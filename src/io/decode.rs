@@ -4,6 +4,7 @@ use exr::block::UncompressedBlock;
 use exr::block::lines::LineIndex;
 use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
+use rayon::prelude::*;
 
 use super::document::Document;
 use super::limits;
@@ -37,50 +38,47 @@ pub(super) fn read_planes(
         .map_err(|error| error.in_file(document.path()))?;
     let mut planes = None; // not before a first block proves that the file holds more than promises
     for (part, header) in document.headers().iter().enumerate() {
-        let mut fills = vec![Vec::new(); header.channels.list.len()];
-        for (plane, at) in wanted.iter().enumerate().filter(|(_, at)| at.part == part) {
-            fills[at.channel].push(plane);
-        }
-        if fills.iter().all(Vec::is_empty) {
+        let fills: Vec<Option<usize>> =
+            wanted.iter().map(|at| (at.part == part).then_some(at.channel)).collect();
+        if fills.iter().all(Option::is_none) {
             continue;
         }
         let from = header.own_attributes.layer_position;
         let shift = [(from.x(), window.position.x()), (from.y(), window.position.y())];
-        let placement = Placement {
-            channels: &header.channels,
-            fills,
-            shift: shift.map(|(part, window)| i64::from(part) - i64::from(window)),
-        };
+        let shift = shift.map(|(part, window)| i64::from(part) - i64::from(window));
         document.for_each_block(part, Some(window), |blocks| {
             let planes = planes.get_or_insert_with(black);
-            blocks.iter().for_each(|(_, block)| placement.copy(block, planes));
+            planes.par_iter_mut().zip(&fills).for_each(|(plane, channel)| {
+                let Some(channel) = *channel else { return };
+                let placement = Placement { channels: &header.channels, channel, shift };
+                blocks.iter().for_each(|(_, block)| placement.copy(block, plane));
+            });
             Ok(())
         })?;
     }
     Ok(planes.unwrap_or_else(black))
 }
 
-/// Where the samples of a part go.
+/// What of a part goes to a plane, and where.
 struct Placement<'a> {
     channels: &'a ChannelList,
-    /// For each channel the planes that it fills.
-    fills: Vec<Vec<usize>>,
+    /// The one whose samples fill the plane.
+    channel: usize,
     /// What must be added to a column and a row of the part to get those of the planes.
     shift: [i64; 2],
 }
 
 impl Placement<'_> {
-    fn copy(&self, block: &UncompressedBlock, planes: &mut [Plane]) {
-        for (bytes, line) in LineIndex::lines_in_block(block.index, self.channels) {
+    fn copy(&self, block: &UncompressedBlock, plane: &mut Plane) {
+        let (width, height) = plane.size();
+        let kind = self.channels.list[self.channel].sample_type;
+        let lines = LineIndex::lines_in_block(block.index, self.channels);
+        for (bytes, line) in lines.filter(|(_, line)| line.channel == self.channel) {
             let x = line.position.x() as i64 + self.shift[0];
             let y = line.position.y() as i64 + self.shift[1];
-            let kind = self.channels.list[line.channel].sample_type;
             let samples = Samples { bytes: &block.data[bytes], kind };
-            for &plane in &self.fills[line.channel] {
-                let (width, height) = planes[plane].size();
-                if let Some(y) = usize::try_from(y).ok().filter(|y| *y < height) {
-                    samples.copy_to(&mut planes[plane].data_mut()[y * width..][..width], x);
-                }
+            if let Some(y) = usize::try_from(y).ok().filter(|y| *y < height) {
+                samples.copy_to(&mut plane.data_mut()[y * width..][..width], x);
             }
         }
     }

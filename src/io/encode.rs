@@ -22,7 +22,7 @@ pub(super) const BATCH: usize = 64;
 /// OpenEXR's own level.
 const ZIP_LEVEL: flate2::Compression = flate2::Compression::new(4);
 
-/// Writes `blocks`, each with its index in its header, in their order. Compression runs on rayon's
+/// Writes `blocks`, each with its index in its header, in their order. They are made and compressed on rayon's
 /// current threads; the order in the file does not depend on them.
 ///
 /// # Errors
@@ -30,12 +30,10 @@ const ZIP_LEVEL: flate2::Compression = flate2::Compression::new(4);
 pub(super) fn write_blocks<W: Write + Seek>(
     writer: &mut ChunkWriter<W>,
     headers: &[Header],
-    blocks: Vec<(usize, UncompressedBlock)>,
+    blocks: impl ParallelIterator<Item = (usize, UncompressedBlock)>,
 ) -> exr::error::UnitResult {
-    let chunks: Vec<_> = blocks
-        .into_par_iter()
-        .map(|(index, block)| compress(block, headers).map(|chunk| (index, chunk)))
-        .collect();
+    let chunks: Vec<_> =
+        blocks.map(|(index, block)| compress(block, headers).map(|chunk| (index, chunk))).collect();
     for chunk in chunks {
         let (index, chunk) = chunk?;
         writer.write_chunk(index, chunk)?;
@@ -74,10 +72,16 @@ fn compress(block: UncompressedBlock, headers: &[Header]) -> exr::error::Result<
 /// to the one before it plus 128, deflated.
 fn zip(data: &[u8]) -> std::io::Result<Vec<u8>> {
     let (pairs, last) = data.as_chunks::<2>();
-    let even = pairs.iter().map(|pair| pair[0]).chain(last.iter().copied());
-    let sorted: Vec<u8> = even.chain(pairs.iter().map(|pair| pair[1])).collect();
-    let differences = sorted.windows(2).map(|pair| pair[1].wrapping_sub(pair[0]).wrapping_add(128));
-    let filtered: Vec<u8> = sorted.first().copied().into_iter().chain(differences).collect();
+    let mut sorted = vec![0; data.len()];
+    let (even, odd) = sorted.split_at_mut(pairs.len() + last.len());
+    even[pairs.len()..].copy_from_slice(last);
+    for ((even, odd), pair) in even.iter_mut().zip(odd).zip(pairs) {
+        [*even, *odd] = *pair;
+    }
+    let mut filtered = sorted.clone();
+    for (difference, pair) in filtered.iter_mut().skip(1).zip(sorted.array_windows::<2>()) {
+        *difference = pair[1].wrapping_sub(pair[0]).wrapping_add(128);
+    }
     let mut encoder = ZlibEncoder::new(Vec::with_capacity(data.len() / 2), ZIP_LEVEL);
     encoder.write_all(&filtered)?;
     encoder.finish()

@@ -63,9 +63,10 @@ fn variances(a: &[Plane], b: &[Plane]) -> Vec<Plane> {
     zip(a, b, |a, b| 0.25 * (a + b))
 }
 
-fn zip(a: &[Plane], b: &[Plane], f: impl Fn(f32, f32) -> f32) -> Vec<Plane> {
-    let one =
-        |(a, b): (&Plane, &Plane)| Plane::from_fn(a.width(), a.height(), |x, y| f(a.get(x, y), b.get(x, y)));
+fn zip(a: &[Plane], b: &[Plane], f: impl Fn(f32, f32) -> f32 + Sync) -> Vec<Plane> {
+    let one = |(a, b): (&Plane, &Plane)| {
+        Plane::par_from_fn(a.width(), a.height(), |x, y| f(a.get(x, y), b.get(x, y)))
+    };
     a.iter().zip(b).map(one).collect()
 }
 

@@ -7,11 +7,11 @@
 
 use std::path::Path;
 
-use exr::block::UncompressedBlock;
 use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::Compression;
+use rayon::prelude::*;
 
 use super::atomic::write_picture_atomically;
 use super::encode::{BATCH, block_from_lines, encode_error, write_blocks};
@@ -54,7 +54,7 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
         exr::block::write(file, std::iter::once(header).collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
             for batch in blocks.chunks(BATCH) {
-                let filled = batch.iter().map(|&(index, block)| {
+                let filled = batch.par_iter().map(|&(index, block)| {
                     let line = |c: usize, x: usize, y: usize, bytes: &mut [u8]| {
                         let row: &[f32] = &channels[c].1.row(y)[x..];
                         for (sample, value) in bytes.chunks_exact_mut(4).zip(row) {
@@ -63,7 +63,6 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
                     };
                     (index, block_from_lines(&meta.headers[0], block, line))
                 });
-                let filled: Vec<(usize, UncompressedBlock)> = filled.collect();
                 write_blocks(writer, &meta.headers, filled)?;
             }
             Ok(())

@@ -15,6 +15,7 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, Headers};
 use exr::prelude::{Compression, Vec2};
 use half::f16;
+use rayon::prelude::*;
 
 use super::atomic::write_picture_atomically;
 use super::decode::ChannelAt;
@@ -112,9 +113,10 @@ pub(super) fn rewrite(
                 let written = if let Some(new) = new {
                     document.for_each_block(part, None, |blocks| {
                         let input = &document.headers()[part];
-                        let blocks =
-                            blocks.iter().flat_map(|(index, block)| new.blocks(input, *index, block));
-                        write_blocks(writer, &meta.headers, blocks.collect()).map_err(encode_error)
+                        let blocks = blocks
+                            .par_iter()
+                            .flat_map_iter(|(index, block)| new.blocks(input, *index, block));
+                        write_blocks(writer, &meta.headers, blocks).map_err(encode_error)
                     })
                 } else {
                     document.for_each_chunk(part, |index, chunk| {

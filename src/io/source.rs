@@ -5,6 +5,7 @@ use std::path::Path;
 
 use exr::meta::attribute::IntegerBounds;
 use exr::prelude::Vec2;
+use rayon::prelude::*;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
 use super::bounds;
@@ -220,7 +221,7 @@ impl<'a> Pixels<'a> {
         let mut statistics: BTreeMap<Channel, Statistics> =
             channels.iter().map(|channel| (*channel, Statistics::default())).collect();
         self.look(&channels, |planes| {
-            statistics.iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
+            statistics.par_iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
         })?;
         Ok(statistics)
     }
