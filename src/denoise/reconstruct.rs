@@ -11,7 +11,7 @@
 //! to ×0.9 in fog and out of focus, and the blocks that one saw there are gone; ×1.00 on five others.
 //!
 //! A grid of centres alone leaves pixels that no window reaches with any weight. After the grid every
-//! pixel whose summed kernel is under `min_coverage` becomes a centre itself, unless it has next to no
+//! pixel whose summed kernel is under what is asked becomes a centre itself, unless it has next to no
 //! noise: then it stays as it is. `[choice]` such a centre gets the widest kernels alone: so little
 //! resembles it that narrow ones would give the pixel back as it is. Half the fits, relMSE ×0.975
 //! (three scenes at 64 spp).
@@ -188,8 +188,14 @@ impl Sums {
     }
 }
 
-/// Runs one stage with all its kernels; `progress` hears the share that is done.
-pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dyn Fn(f32) + Sync)) -> Stage {
+/// Runs one stage with all its kernels. Pixels need a summed weight of `coverage`; `progress` hears the share that is done.
+pub fn run(
+    problem: &Problem<'_>,
+    kernels: &[Kernel],
+    coverage: f32,
+    area: Area,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Stage {
     let size @ (width, height) = problem.targets[0].size();
     let (spacing, radius) = (problem.options.center_spacing, problem.options.window_radius);
     let mut sums = Sums::new(Rect::whole(size), problem.targets.len(), area.counted);
@@ -216,8 +222,8 @@ pub fn run(problem: &Problem<'_>, kernels: &[Kernel], area: Area, progress: &(dy
     in_tiles(problem, &mut sums, &tested, |solver, local, tile| {
         for y in tile.y..tile.y + tile.height {
             for x in tile.x..tile.x + tile.width {
-                let coverage = grid.get(x, y) + local.coverage(x, y);
-                if coverage < problem.options.min_coverage && worth_a_fit(problem, x, y) {
+                let covered = grid.get(x, y) + local.coverage(x, y);
+                if covered < coverage && worth_a_fit(problem, x, y) {
                     center(problem, solver, local, (x, y), &widest, &taper);
                 }
             }

@@ -81,7 +81,9 @@ impl Signal<'_> {
                 basis: &basis,
                 options,
             };
-            let result = reconstruct::run(&problem, kernels, *area, &|done| observer.progress(done));
+            let coverage = options.min_coverage * if last { 1.0 } else { options.pilot_coverage };
+            let result =
+                reconstruct::run(&problem, kernels, coverage, *area, &|done| observer.progress(done));
             summary.centres += result.fits;
             summary.coverage_centres += result.coverage_fits;
             summary.orders = result.orders;
