@@ -28,7 +28,7 @@ const DOORS: [(&str, &[&str]); 8] = [
     ("exr", &["io"]),
     ("half", &["io"]),
     ("nalgebra", &["trace"]),
-    ("rayon", &["baseline", "denoise", "io", "trace"]),
+    ("rayon", &["baseline", "denoise", "image", "io", "trace"]),
     ("clap", &[]),
     ("indicatif", &[]),
     ("image", &["report", "trace"]),

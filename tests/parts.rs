@@ -178,7 +178,7 @@ fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
         let part = Part::of_outliers(rows, size, options);
         facts.add_outliers(&crop(frame, part.read), &part, options).unwrap();
     }
-    let part = Part::new(wanted, size, options);
+    let part = Part::new(wanted, size, options, &facts);
     denoise_part(&crop(frame, part.read), &part, &facts, options, &Silent).unwrap()
 }
 
@@ -251,7 +251,8 @@ fn so_it_is_with_every_preset() {
     let frame = content.frame();
     for (name, preset) in Options::PRESETS {
         let options = preset();
-        assert!(halo(&options) < 360, "{name}: the halo is {}", halo(&options));
+        let halo = halo(&options, &Facts::of(&frame));
+        assert!(halo < 360, "{name}: the halo is {halo}");
         let whole = denoise(&frame, &options).unwrap();
         let wanted = Rect { x: 371, y: 5, width: 29, height: 13 };
         assert_same_bits(&alone(&frame, wanted, &options), &whole, wanted);
@@ -261,9 +262,10 @@ fn so_it_is_with_every_preset() {
 #[test]
 fn a_part_of_a_picture_whose_outliers_nobody_looked_for_is_refused() {
     let frame = Frame::new(Random(3).rgb((400, 8), |x, _| x as f32, 0.5)).unwrap();
-    let part = Part::new(Rect { x: 0, y: 0, width: 8, height: 8 }, (400, 8), &small());
+    let facts = Facts::of(&frame);
+    let part = Part::new(Rect { x: 0, y: 0, width: 8, height: 8 }, (400, 8), &small(), &facts);
     let cut = crop(&frame, part.read);
-    let error = denoise_part(&cut, &part, &Facts::of(&frame), &small(), &Silent).unwrap_err();
+    let error = denoise_part(&cut, &part, &facts, &small(), &Silent).unwrap_err();
     assert!(error.to_string().contains("Facts::add_outliers"), "{error}");
 }
 

@@ -208,6 +208,12 @@ impl Facts {
         }
     }
 
+    /// Whether neither a variance nor halves tell the noise, so that it is estimated from the picture.
+    pub fn noise_is_estimated(&self) -> bool {
+        let known = self.known();
+        !known.variance && !known.halves
+    }
+
     /// Whether the variance or the halves of the frame's `feature`th feature show noise.
     pub fn feature_is_noisy(&self, feature: usize) -> bool {
         self.features[feature].is_noisy()

@@ -59,6 +59,8 @@ pub enum Stage {
     Outliers,
     /// Noisy features are filtered.
     Prefilter,
+    /// The variance is estimated, where nothing tells it.
+    Noise,
     /// All fits of the picture at half its resolution.
     Coarse,
     /// Fits of stage `n`, counted from 1.
@@ -168,7 +170,7 @@ fn run(
     let gains = options.outliers.enabled.then(|| energy(facts, &ready, part)).transpose()?;
     let gains = gains.map(|energy| energy.gains(options.outliers.witnesses));
     let Ready { clean, variance, smoothed, design, spreads, albedo, .. } = ready;
-    let signal = Signal {
+    let mut signal = Signal {
         targets: targets(&clean).map(Cow::Borrowed).collect(),
         variance,
         smoothed,
@@ -176,6 +178,12 @@ fn run(
         spreads,
         albedo,
     };
+    if variance::is_estimated(&clean) {
+        observer.stage(Stage::Noise);
+        let all = Rect::whole(part.read.size());
+        let area = Area { origin: part.origin(), wanted: all, counted: Rect::whole((0, 0)) };
+        signal.look_again(area, options, observer);
+    }
     let [areas, coarse_areas] = areas(part, options);
 
     let coarse = options.coarse.then(|| {

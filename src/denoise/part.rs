@@ -11,33 +11,38 @@
 //! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
 //! | variance | smoothing + 4 + outliers' radius | estimated over 9×9 pixels at most, outliers replaced |
+//! | where nothing tells it | 2 + a stage of fits | a mean of what those leave |
 //! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
 //! | repair | 16 | from the rim of what is broken |
 //!
 //! The first part of this file is that sum; a frame that holds so much around its part gives the
 //! part's pixels the very bits that they have in the whole picture.
 
-use super::{coarse, reconstruct, restore, sanitize, variance};
+use super::{Facts, coarse, reconstruct, restore, sanitize, variance};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 use crate::image::Rect;
 use crate::options::Options;
 
-/// How many pixels around a part must be known at most.
-pub fn halo(options: &Options) -> usize {
-    reach(options) + usize::from(options.coarse)
+/// How many pixels around a part must be known at most, of a picture of which `facts` are known.
+pub fn halo(options: &Options, facts: &Facts) -> usize {
+    reach(options, facts.noise_is_estimated()) + usize::from(options.coarse)
 }
 
-/// How far around a pixel the stages look.
-fn reach(options: &Options) -> usize {
+/// How far around a pixel the stages look, where the variance is known or `estimated`.
+fn reach(options: &Options, estimated: bool) -> usize {
     let Options { outliers, prefilter, .. } = options;
     let restored = if options.restore { restore::REACH } else { 0 };
-    let fits =
-        options.stages.len() * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
+    let fits_of =
+        |stages: usize| stages * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
+    let fits = fits_of(options.stages.len());
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let replaced = if outliers.enabled { outliers.radius } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);
-    let noise = replaced + variance::REACH;
+    let mut noise = replaced + variance::REACH;
+    if estimated {
+        noise = variance::RESIDUAL_RADIUS + fits_of(1) + feature.max(smoothing + noise);
+    }
     let fine = fits + feature.max(smoothing + noise);
     let fitted = if options.coarse {
         // A block's border may lie a pixel beyond.
@@ -63,9 +68,9 @@ impl Part {
         Self { wanted: Rect::whole(size), read: Rect::whole(size) }
     }
 
-    /// The part `wanted` of a picture of `size`, which must lie inside it.
-    pub fn new(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
-        let read = wanted.grown(reach(options), size);
+    /// The part `wanted` of a picture of `size`, which must lie inside it and of which `facts` are known.
+    pub fn new(wanted: Rect, size: (usize, usize), options: &Options, facts: &Facts) -> Self {
+        let read = wanted.grown(reach(options, facts.noise_is_estimated()), size);
         Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } }
     }
 
@@ -108,7 +113,7 @@ mod tests {
 
     #[test]
     fn the_readme_tells_the_halo() {
-        let told = format!("{} pixels by default", halo(&Options::default()));
+        let told = format!("{} pixels by default", reach(&Options::default(), false) + 1);
         assert!(include_str!("../../README.md").contains(&told), "it is {told}");
     }
 }

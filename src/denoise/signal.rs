@@ -42,6 +42,21 @@ impl Signal<'_> {
         }
     }
 
+    /// Estimates the variance again, from what a fit by the first estimate leaves.
+    pub fn look_again(&mut self, area: Area, options: &Options, observer: &dyn Observer) {
+        let options = Options {
+            stages: options.stages[..1].to_vec(),
+            min_coverage: options.min_coverage * options.pilot_coverage,
+            ..options.clone()
+        };
+        let first = AsOne::new(observer, 1);
+        let fit = self.reconstruct(&[], &[area], &options, &first, &mut Summary::default());
+        for (c, variance) in self.variance.iter_mut().enumerate() {
+            *variance = variance::from_residual(&self.targets[c], &fit.targets[c], variance);
+            self.smoothed[c] = variance::smooth(variance, options.variance_radius);
+        }
+    }
+
     /// Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
     pub fn reconstruct(
         &self,

@@ -8,8 +8,19 @@ use rayon::prelude::*;
 /// Radius over which single-pixel estimates (one degree of freedom each) are averaged.
 const ESTIMATE_RADIUS: usize = 3;
 
-/// How far around a pixel an estimate looks: the mean's radius and that of the high-pass.
+/// Radius over which a high-pass of the picture is averaged. `[choice]` 2 against 1: relMSE ×1.03 (18 scenes
+/// without their variances).
+const HIGH_PASS_RADIUS: usize = 1;
+
+/// How far around a pixel the first estimate looks: means over half buffers look farther than the high-pass.
 pub const REACH: usize = ESTIMATE_RADIUS + 1;
+
+/// Radius over which squared residuals are averaged. `[choice]` against 2: 1 ×1.35, 3 ×1.2.
+pub const RESIDUAL_RADIUS: usize = 2;
+
+/// A fit takes some of the noise with it: what it leaves is multiplied by this. `[choice]` of 1, 1.25 and 1.5:
+/// relMSE ×1.02, ×1 and ×0.99, with the last one fine detail came out worse than it went in.
+const RESIDUAL_GAIN: f32 = 1.25;
 
 /// The variance of the mean of `clean`'s colour, with a note in `summary` on how it was had.
 pub fn of_mean(clean: &Clean<'_>, summary: &mut Summary) -> Rgb {
@@ -20,10 +31,16 @@ pub fn of_mean(clean: &Clean<'_>, summary: &mut Summary) -> Rgb {
         summary.notes.push("variance: from the half buffers, averaged over 7×7 pixels".into());
         return std::array::from_fn(|c| smooth(&from_halves(&a[c], &b[c]), ESTIMATE_RADIUS));
     }
-    summary
-        .notes
-        .push("variance: estimated from the picture itself, which takes fine detail for noise".into());
+    summary.notes.push(
+        "variance: estimated from the picture itself, which takes detail that no feature shows for noise"
+            .into(),
+    );
     std::array::from_fn(|c| from_picture(&clean.color[c]))
+}
+
+/// Whether [`of_mean`] is an estimate from the picture itself.
+pub fn is_estimated(clean: &Clean<'_>) -> bool {
+    clean.variance.is_none() && clean.halves.is_none()
 }
 
 /// ((A − B)/2)²: unbiased for the variance of (A + B)/2, with one degree of freedom.
@@ -38,8 +55,9 @@ pub fn half_difference_squared(a: f32, b: f32) -> f32 {
 }
 
 /// Noise from a high-pass: the stencil [1 −2 1; −2 4 −2; 1 −2 1]/6 leaves white noise its variance and
-/// cancels planes and parabolas (Immerkær 1996). The mean absolute value over 7×7 pixels, which edges
-/// disturb less than the mean square, times √(π/2) is the standard deviation of Gaussian noise.
+/// cancels planes and parabolas (Immerkær 1996). `[choice]` the mean of its squares: that of its magnitudes, which
+/// edges disturb less, makes little of the rare bright samples that most of the noise is: relMSE ×2.4 at 16 spp,
+/// ×1.5 at 64, ×1.15 at 256 (18 scenes without their variances).
 fn from_picture(color: &Plane) -> Plane {
     let (w, h) = color.size();
     let at = |x: isize, y: isize| {
@@ -53,10 +71,21 @@ fn from_picture(color: &Plane) -> Plane {
                 sum += u * v * at(x as isize + i as isize - 1, y as isize + j as isize - 1);
             }
         }
-        (sum / 6.0).abs()
+        (sum / 6.0).powi(2).min(f32::MAX)
     });
-    let mut variance = smooth(&high_pass, ESTIMATE_RADIUS);
-    variance.change(|v| v * v * std::f32::consts::FRAC_PI_2);
+    smooth(&high_pass, HIGH_PASS_RADIUS)
+}
+
+/// The variance of `noisy` by what a `fit` of it leaves, no more than what it was held for `before`: of the detail
+/// that a high-pass takes for noise the fit has what the features explain. `[choice]` relMSE against none ×1.04 at
+/// 16 spp, ×0.92 at 64, ×0.77 at 256; without it fine detail came out four times as wrong as it went in (18 scenes
+/// without their variances).
+pub fn from_residual(noisy: &Plane, fit: &Plane, before: &Plane) -> Plane {
+    let squares = Plane::par_from_fn(noisy.width(), noisy.height(), |x, y| {
+        (noisy.get(x, y) - fit.get(x, y)).powi(2).min(f32::MAX)
+    });
+    let mut variance = smooth(&squares, RESIDUAL_RADIUS);
+    variance.combine(before, |left, before| before.min(RESIDUAL_GAIN * left));
     variance
 }
 
@@ -159,6 +188,20 @@ mod tests {
         assert!((trusted.get(5, 4) - LEAST_SHARE).abs() < 1e-6);
         assert_eq!(trusted.get(4, 4), variance.get(4, 4));
         assert_eq!(trusted.get(29, 4), 0.0, "where nothing around is noisy there is no noise");
+    }
+
+    #[test]
+    fn what_a_fit_explains_is_no_noise() {
+        let noise = noise(64, 64);
+        let detail = |x: usize, y: usize| if (x + y) % 2 == 0 { 3.0 } else { -3.0 };
+        let noisy = Plane::from_fn(64, 64, |x, y| detail(x, y) + noise.get(x, y));
+        let before = from_picture(&noisy);
+        let mean = |plane: &Plane| plane.data().iter().sum::<f32>() / 4096.0;
+        assert!(mean(&before) > 9.0, "a chequerboard is all high-pass");
+        let after = from_residual(&noisy, &Plane::from_fn(64, 64, detail), &before);
+        assert!((mean(&after) - RESIDUAL_GAIN).abs() < 0.1, "{}", mean(&after));
+        let never_more = from_residual(&noisy, &Plane::filled(64, 64, 100.0), &before);
+        assert_eq!(never_more, before);
     }
 
     #[test]

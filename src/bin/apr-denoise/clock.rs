@@ -92,6 +92,7 @@ pub fn name(stage: Stage) -> String {
         Stage::Sanitize => "sanitize".to_owned(),
         Stage::Outliers => "outliers".to_owned(),
         Stage::Prefilter => "prefilter".to_owned(),
+        Stage::Noise => "noise".to_owned(),
         Stage::Coarse => "coarse".to_owned(),
         Stage::Fit(n) => format!("fit {n}"),
         Stage::Energy => "energy".to_owned(),

@@ -179,7 +179,7 @@ impl Surveyed {
             None => Rect::whole(survey.size()),
         };
         let rows = match arguments.memory {
-            Some(bound) => planes.rows_within(bound, target, survey.size(), options, frames)?,
+            Some(bound) => planes.rows_within(bound, target, survey.size(), options, frames, &facts)?,
             None => target.height,
         };
         let bands = (0..target.height).step_by(rows).map(|y| Rect {
@@ -187,7 +187,7 @@ impl Surveyed {
             height: rows.min(target.height - y),
             ..target
         });
-        let parts: Vec<Part> = bands.map(|band| Part::new(band, survey.size(), options)).collect();
+        let parts: Vec<Part> = bands.map(|band| Part::new(band, survey.size(), options, &facts)).collect();
         let apart = parts.iter().any(|part| !part.is_whole());
         if apart && options.outliers.enabled && facts.has_noise() {
             let (width, height) = survey.size();
@@ -270,10 +270,11 @@ impl Planes {
         size: (usize, usize),
         options: &Options,
         frames: usize,
+        facts: &Facts,
     ) -> Result<usize> {
         // Of a sequence one result is written while the next is made.
         let held = FIXED_BYTES + self.result(target) * frames.min(2);
-        let halo = halo(options);
+        let halo = halo(options, facts);
         let row = target.grown(halo, size).width * self.per_pixel();
         let need = |rows: usize| held + row * (rows + 2 * halo).min(size.1);
         if need(target.height) <= bound {
@@ -310,10 +311,10 @@ mod tests {
     fn bands_fill_the_bound_and_too_small_a_bound_names_the_least() {
         let planes = Planes { all: 20, features: 7, aovs: 0 };
         let target = Rect::whole((7680, 4320));
-        let options = Options::default();
-        let rows = |bound| planes.rows_within(MemoryBound(bound), target, target.size(), &options, 1);
+        let (options, facts) = (Options::default(), Facts::default());
+        let rows = |bound| planes.rows_within(MemoryBound(bound), target, target.size(), &options, 1, &facts);
         let need = |rows: usize| {
-            let read = rows + 2 * halo(&options);
+            let read = rows + 2 * halo(&options, &facts);
             FIXED_BYTES + planes.result(target) + planes.per_pixel() * 7680 * read
         };
         assert_eq!(rows(64 << 30), Ok(4320));

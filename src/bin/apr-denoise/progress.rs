@@ -142,7 +142,8 @@ fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
     let end = match stage {
         "read" => 2.0,
         "sanitize" | "outliers" => 3.0,
-        "prefilter" => FITS_BEGIN,
+        "prefilter" => 6.0,
+        "noise" => FITS_BEGIN,
         "energy" => 97.0,
         "write" => 100.0,
         "coarse" => before + COARSE * (FITS_END - FITS_BEGIN) / fits,
