@@ -193,7 +193,7 @@ mod tests {
     #[test]
     fn what_a_fit_explains_is_no_noise() {
         let noise = noise(64, 64);
-        let detail = |x: usize, y: usize| if (x + y) % 2 == 0 { 3.0 } else { -3.0 };
+        let detail = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 3.0 } else { -3.0 };
         let noisy = Plane::from_fn(64, 64, |x, y| detail(x, y) + noise.get(x, y));
         let before = from_picture(&noisy);
         let mean = |plane: &Plane| plane.data().iter().sum::<f32>() / 4096.0;

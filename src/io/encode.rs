@@ -10,7 +10,7 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2};
-use flate2::write::ZlibEncoder;
+use libdeflater::{CompressionLvl, Compressor};
 use rayon::prelude::*;
 
 use crate::error::{Error, ErrorKind};
@@ -19,8 +19,9 @@ use crate::error::{Error, ErrorKind};
 /// share of the memory.
 pub(super) const BATCH: usize = 64;
 
-/// OpenEXR's own level.
-const ZIP_LEVEL: flate2::Compression = flate2::Compression::new(4);
+/// `[choice]` of libdeflate's levels 1, 4 and 6 on a noisy picture of 31 channels: 0.99, 1.60 and 1.35 s of the processor for
+/// 1.002, 1.001 and 1 of the bytes.
+const ZIP_LEVEL: i32 = 1;
 
 /// Writes `blocks`, each with its index in its header, in their order. They are made and compressed on rayon's
 /// current threads; the order in the file does not depend on them.
@@ -32,8 +33,11 @@ pub(super) fn write_blocks<W: Write + Seek>(
     headers: &[Header],
     blocks: impl ParallelIterator<Item = (usize, UncompressedBlock)>,
 ) -> exr::error::UnitResult {
-    let chunks: Vec<_> =
-        blocks.map(|(index, block)| compress(block, headers).map(|chunk| (index, chunk))).collect();
+    let chunks: Vec<_> = blocks
+        .map_init(compressor, |compressor, (index, block)| {
+            compress(block, headers, compressor).map(|chunk| (index, chunk))
+        })
+        .collect();
     for chunk in chunks {
         let (index, chunk) = chunk?;
         writer.write_chunk(index, chunk)?;
@@ -41,15 +45,23 @@ pub(super) fn write_blocks<W: Write + Seek>(
     Ok(())
 }
 
-/// The chunk of a block. `[choice]` ZIP is compressed here and not by `exr`, whose compressor takes 2.5 times as
-/// long for as many bytes and was a fifth of what the fastest preset takes.
-fn compress(block: UncompressedBlock, headers: &[Header]) -> exr::error::Result<Chunk> {
+fn compressor() -> Compressor {
+    Compressor::new(CompressionLvl::new(ZIP_LEVEL).expect("it is one of libdeflate's levels"))
+}
+
+/// The chunk of a block. `[choice]` ZIP is compressed here and not by `exr`, whose compressor takes 3.4 times as
+/// long for as many bytes and was more than a fifth of what the fastest preset takes.
+fn compress(
+    block: UncompressedBlock,
+    headers: &[Header],
+    compressor: &mut Compressor,
+) -> exr::error::Result<Chunk> {
     let header = &headers[block.index.layer];
     let is_zip = matches!(header.compression, Compression::ZIP1 | Compression::ZIP16);
     if !is_zip || cfg!(target_endian = "big") {
         return block.compress_to_chunk(headers);
     }
-    let zipped = zip(&block.data)?;
+    let zipped = zip(&block.data, compressor)?;
     let compressed_pixels_le = if zipped.len() < block.data.len() { zipped } else { block.data };
     let Vec2(x, y) = block.index.pixel_position;
     let compressed_block = match header.blocks {
@@ -70,7 +82,7 @@ fn compress(block: UncompressedBlock, headers: &[Header]) -> exr::error::Result<
 
 /// Bytes as ZIP blocks hold them: first those at even places and then those at odd ones, each as its difference
 /// to the one before it plus 128, deflated.
-fn zip(data: &[u8]) -> std::io::Result<Vec<u8>> {
+fn zip(data: &[u8], compressor: &mut Compressor) -> std::io::Result<Vec<u8>> {
     let (pairs, last) = data.as_chunks::<2>();
     let mut sorted = vec![0; data.len()];
     let (even, odd) = sorted.split_at_mut(pairs.len() + last.len());
@@ -82,9 +94,10 @@ fn zip(data: &[u8]) -> std::io::Result<Vec<u8>> {
     for (difference, pair) in filtered.iter_mut().skip(1).zip(sorted.array_windows::<2>()) {
         *difference = pair[1].wrapping_sub(pair[0]).wrapping_add(128);
     }
-    let mut encoder = ZlibEncoder::new(Vec::with_capacity(data.len() / 2), ZIP_LEVEL);
-    encoder.write_all(&filtered)?;
-    encoder.finish()
+    let mut zipped = vec![0; compressor.zlib_compress_bound(filtered.len())];
+    let length = compressor.zlib_compress(&filtered, &mut zipped).map_err(std::io::Error::other)?;
+    zipped.truncate(length);
+    Ok(zipped)
 }
 
 /// The block at `index` whose line of channel `c` at row `y` is filled by `line(c, x, y, bytes)`,
