@@ -178,7 +178,7 @@ fn run(
         spreads,
         albedo,
     };
-    if variance::is_estimated(&clean) {
+    if facts.noise_is_estimated() {
         observer.stage(Stage::Noise);
         let all = Rect::whole(part.read.size());
         let area = Area { origin: part.origin(), wanted: all, counted: Rect::whole((0, 0)) };

@@ -39,10 +39,9 @@ fn reach(options: &Options, estimated: bool) -> usize {
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let replaced = if outliers.enabled { outliers.radius } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);
-    let mut noise = replaced + variance::REACH;
-    if estimated {
-        noise = variance::RESIDUAL_RADIUS + fits_of(1) + feature.max(smoothing + noise);
-    }
+    let told = replaced + variance::REACH;
+    let noise =
+        if estimated { variance::RESIDUAL_RADIUS + fits_of(1) + feature.max(smoothing + told) } else { told };
     let fine = fits + feature.max(smoothing + noise);
     let fitted = if options.coarse {
         // A block's border may lie a pixel beyond.

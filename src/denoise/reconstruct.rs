@@ -188,7 +188,8 @@ impl Sums {
     }
 }
 
-/// Runs one stage with all its kernels. Pixels need a summed weight of `coverage`; `progress` hears the share that is done.
+/// Runs one stage with all its kernels. Pixels need a summed weight of `coverage`; `progress` hears the share that
+/// is done.
 pub fn run(
     problem: &Problem<'_>,
     kernels: &[Kernel],

@@ -38,11 +38,6 @@ pub fn of_mean(clean: &Clean<'_>, summary: &mut Summary) -> Rgb {
     std::array::from_fn(|c| from_picture(&clean.color[c]))
 }
 
-/// Whether [`of_mean`] is an estimate from the picture itself.
-pub fn is_estimated(clean: &Clean<'_>) -> bool {
-    clean.variance.is_none() && clean.halves.is_none()
-}
-
 /// ((A − B)/2)²: unbiased for the variance of (A + B)/2, with one degree of freedom.
 pub fn from_halves(a: &Plane, b: &Plane) -> Plane {
     Plane::par_from_fn(a.width(), a.height(), |x, y| half_difference_squared(a.get(x, y), b.get(x, y)))
