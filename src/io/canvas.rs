@@ -2,6 +2,7 @@
 //! other.
 
 use std::io::{Seek, Write};
+use std::sync::{Mutex, PoisonError};
 
 use exr::block::lines::LineIndex;
 use exr::block::writer::ChunkWriter;
@@ -11,8 +12,9 @@ use exr::meta::header::Header;
 use exr::prelude::Vec2;
 use rayon::prelude::*;
 
-use super::document::block_bounds;
+use super::document::{Document, block_bounds};
 use super::encode::{BATCH, block_from_lines, write_blocks};
+use crate::error::Result;
 
 /// All channels of a part, each in its own sample type: a line of every channel, row after row.
 pub(super) struct Canvas {
@@ -42,14 +44,25 @@ impl Canvas {
         &mut self.data[y * self.row + start..][..sample * self.window.size.width()]
     }
 
-    /// Takes the pixels of a part's `block` that lie in the window. `channel` tells which of this canvas's
+    /// Takes the pixels of a document's part that lie in the window. `channel` tells which of this canvas's
     /// channels one of the part's is, if any.
-    pub(super) fn take(
+    ///
+    /// # Errors
+    /// `Unreadable` when a block is missing or damaged.
+    pub(super) fn take_all(
         &mut self,
-        from: &Header,
-        block: &UncompressedBlock,
-        channel: impl Fn(usize) -> Option<usize>,
-    ) {
+        document: &Document,
+        part: usize,
+        channel: impl Fn(usize) -> Option<usize> + Sync,
+    ) -> Result<()> {
+        let rows = document.rows_of_blocks(part, self.window);
+        let (from, canvas) = (&document.headers()[part], Mutex::new(self));
+        document.for_each_block(part, &rows, &mut vec![(); rows.len()], |(), block| {
+            canvas.lock().unwrap_or_else(PoisonError::into_inner).take(from, block, &channel);
+        })
+    }
+
+    fn take(&mut self, from: &Header, block: &UncompressedBlock, channel: impl Fn(usize) -> Option<usize>) {
         let shift = |a: i32, b: i32| i64::from(a) - i64::from(b);
         let (part, own) = (from.own_attributes.layer_position, self.window.position);
         let (shift_x, shift_y) = (shift(part.x(), own.x()), shift(part.y(), own.y()));

@@ -1,12 +1,13 @@
 //! Channels of a file as planes of `f32`.
 
+use std::ops::Range;
+
 use exr::block::UncompressedBlock;
 use exr::block::lines::LineIndex;
 use exr::meta::attribute::{ChannelList, IntegerBounds, SampleType};
 use half::f16;
-use rayon::prelude::*;
 
-use super::document::Document;
+use super::document::{Document, block_bounds};
 use super::limits;
 use crate::error::Result;
 use crate::image::Plane;
@@ -40,45 +41,95 @@ pub(super) fn read_planes(
     for (part, header) in document.headers().iter().enumerate() {
         let fills: Vec<Option<usize>> =
             wanted.iter().map(|at| (at.part == part).then_some(at.channel)).collect();
-        if fills.iter().all(Option::is_none) {
+        let rows = document.rows_of_blocks(part, window);
+        if fills.iter().all(Option::is_none) || rows.is_empty() {
             continue;
         }
+        if planes.is_none() {
+            document.for_each_block(part, &[rows[0].start..rows[0].start + 1], &mut [()], |(), _| ())?;
+        }
+        let planes = planes.get_or_insert_with(black);
         let from = header.own_attributes.layer_position;
         let shift = [(from.x(), window.position.x()), (from.y(), window.position.y())];
         let shift = shift.map(|(part, window)| i64::from(part) - i64::from(window));
-        document.for_each_block(part, Some(window), |blocks| {
-            let planes = planes.get_or_insert_with(black);
-            planes.par_iter_mut().zip(&fills).for_each(|(plane, channel)| {
-                let Some(channel) = *channel else { return };
-                let placement = Placement { channels: &header.channels, channel, shift };
-                blocks.iter().for_each(|(_, block)| placement.copy(block, plane));
-            });
-            Ok(())
-        })?;
+        let placement = Placement { channels: &header.channels, shift };
+        let mut bands = bands(document, part, &rows, window, planes, &fills);
+        document.for_each_block(part, &rows, &mut bands, |band, block| placement.copy(block, band))?;
     }
     Ok(planes.unwrap_or_else(black))
 }
 
-/// What of a part goes to a plane, and where.
+/// The rows of the planes that a row of blocks fills.
+struct Band<'a> {
+    /// The first of them.
+    top: usize,
+    /// Those of every channel of the part, where it fills planes.
+    channels: Vec<Vec<&'a mut [f32]>>,
+    width: usize,
+}
+
+/// The planes cut into bands for these rows of blocks; `fills` tells which channel of the part fills a plane.
+fn bands<'a>(
+    document: &Document,
+    part: usize,
+    rows: &[Range<usize>],
+    window: IntegerBounds,
+    planes: &'a mut [Plane],
+    fills: &[Option<usize>],
+) -> Vec<Band<'a>> {
+    let header = &document.headers()[part];
+    let (width, height) = (window.size.width(), window.size.height() as i64);
+    // The last row of the window that is covered by these blocks; the next ones are below.
+    let ends: Vec<usize> = rows
+        .iter()
+        .map(|row| {
+            let IntegerBounds { position, size } = block_bounds(header, row.start);
+            let end = i64::from(position.y()) + size.height() as i64 - i64::from(window.position.y());
+            end.clamp(0, height) as usize
+        })
+        .collect();
+    let top = block_bounds(header, rows[0].start).position.y();
+    let top = (i64::from(top) - i64::from(window.position.y())).clamp(0, height) as usize;
+    let tops = std::iter::once(&top).chain(&ends);
+    let mut bands: Vec<Band> = tops
+        .zip(&ends)
+        .map(|(&top, _)| {
+            let channels = header.channels.list.iter().map(|_| vec![]).collect();
+            Band { top, channels, width }
+        })
+        .collect();
+    for (plane, channel) in planes.iter_mut().zip(fills) {
+        let Some(channel) = *channel else { continue };
+        let mut rest = &mut plane.data_mut()[top * width..];
+        for (band, end) in bands.iter_mut().zip(&ends) {
+            let (rows, below) = rest.split_at_mut((end - band.top) * width);
+            band.channels[channel].push(rows);
+            rest = below;
+        }
+    }
+    bands
+}
+
+/// What of a part goes to its planes, and where.
 struct Placement<'a> {
     channels: &'a ChannelList,
-    /// The one whose samples fill the plane.
-    channel: usize,
     /// What must be added to a column and a row of the part to get those of the planes.
     shift: [i64; 2],
 }
 
 impl Placement<'_> {
-    fn copy(&self, block: &UncompressedBlock, plane: &mut Plane) {
-        let (width, height) = plane.size();
-        let kind = self.channels.list[self.channel].sample_type;
-        let lines = LineIndex::lines_in_block(block.index, self.channels);
-        for (bytes, line) in lines.filter(|(_, line)| line.channel == self.channel) {
+    fn copy(&self, block: &UncompressedBlock, band: &mut Band) {
+        for (bytes, line) in LineIndex::lines_in_block(block.index, self.channels) {
+            let planes = &mut band.channels[line.channel];
             let x = line.position.x() as i64 + self.shift[0];
-            let y = line.position.y() as i64 + self.shift[1];
+            let y = line.position.y() as i64 + self.shift[1] - band.top as i64;
+            let Ok(y) = usize::try_from(y) else { continue };
+            let kind = self.channels.list[line.channel].sample_type;
             let samples = Samples { bytes: &block.data[bytes], kind };
-            if let Some(y) = usize::try_from(y).ok().filter(|y| *y < height) {
-                samples.copy_to(&mut plane.data_mut()[y * width..][..width], x);
+            for rows in planes {
+                if let Some(row) = rows.chunks_exact_mut(band.width).nth(y) {
+                    samples.copy_to(row, x);
+                }
             }
         }
     }

@@ -5,17 +5,24 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError, mpsc};
+use std::thread;
 
-use exr::block::UncompressedBlock;
-use exr::block::chunk::{Chunk, CompressedBlock, TileCoordinates};
+use exr::block::chunk::{
+    Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
+};
+use exr::block::{BlockIndex, UncompressedBlock};
 use exr::io::PeekRead;
 use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
 use exr::meta::{BlockDescription, MetaData, OffsetTables};
+use exr::prelude::Vec2;
 use rayon::prelude::*;
 
+use super::zip::Zip;
 use super::{attributes, limits};
 use crate::error::{Error, ErrorKind, Result};
 
@@ -78,31 +85,102 @@ impl Document {
         self.meta.headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string)
     }
 
-    /// Hands the blocks of a part that have pixels under `window` (all of them where there is none) to
-    /// `take`, in its line order, each with its index in increasing rows.
+    /// The blocks of a part that have pixels under `window`, by their indices in increasing rows: those beside
+    /// each other together, from the top.
+    pub(super) fn rows_of_blocks(&self, part: usize, window: IntegerBounds) -> Vec<Range<usize>> {
+        let header = &self.meta.headers[part];
+        let (all, columns) = (self.offsets[part].len(), columns_of_blocks(header));
+        let wanted = |index: &usize| overlap(block_bounds(header, *index), window);
+        let rows = (0..all.div_ceil(columns)).map(|row| row * columns..((row + 1) * columns).min(all));
+        let rows = rows.filter_map(|mut row| {
+            let first = row.find(wanted)?;
+            Some(first..row.take_while(wanted).last().map_or(first, |last| last) + 1)
+        });
+        rows.collect()
+    }
+
+    /// Hands every block of these [rows](Self::rows_of_blocks) of a part to `take`, with what is `beside` its row.
     ///
     /// # Errors
-    /// `Unreadable` when a block is missing or damaged; and what `take` fails with.
-    pub(super) fn for_each_block(
+    /// `Unreadable` when a block is missing or damaged.
+    pub(super) fn for_each_block<T: Send>(
         &self,
         part: usize,
-        window: Option<IntegerBounds>,
-        mut take: impl FnMut(Vec<(usize, UncompressedBlock)>) -> Result<()>,
+        rows: &[Range<usize>],
+        beside: &mut [T],
+        take: impl Fn(&mut T, &UncompressedBlock) + Sync,
     ) -> Result<()> {
-        let block_bytes = self.meta.headers[part].max_block_byte_size().max(1);
-        let header = &self.meta.headers[part];
-        let wanted =
-            |index: &usize| window.is_none_or(|window| overlap(block_bounds(header, *index), window));
-        let indices = (0..self.offsets[part].len()).filter(wanted).collect();
-        if block_bytes > BATCH_BYTES {
-            let taken = (block_bytes as u64).saturating_mul(DECODING);
+        let workers = Spare::default();
+        let batch = self.batch(part)?;
+        for (rows, beside) in rows.chunks(batch).zip(beside.chunks_mut(batch)) {
+            let read = rows.par_iter().zip(beside).map(|(row, beside)| {
+                workers.lend(|worker: &mut Worker| {
+                    row.clone().try_for_each(|index| {
+                        take(beside, worker.read(self, part, index)?);
+                        Ok(())
+                    })
+                })
+            });
+            read.collect::<Vec<Result<()>>>().into_iter().collect::<Result<()>>()?;
+        }
+        Ok(())
+    }
+
+    /// Hands what `make` makes of the blocks of a part to `take`, in its line order and some at a time; they are taken
+    /// on a thread of their own while the next ones are made. `make` gets every block with its index in increasing
+    /// rows.
+    ///
+    /// # Errors
+    /// `Unreadable` when a block is missing or damaged; and what `make` or `take` fails with.
+    pub(super) fn make_of_blocks<T: Send>(
+        &self,
+        part: usize,
+        make: impl Fn(&mut Zip, usize, &UncompressedBlock) -> Result<T> + Sync,
+        mut take: impl FnMut(Vec<T>) -> Result<()> + Send,
+    ) -> Result<()> {
+        let order = self.order(part, (0..self.offsets[part].len()).collect());
+        let batch = self.batch(part)?;
+        let workers = Spare::default();
+        let make_one = |&index: &usize| {
+            workers.lend(|worker: &mut Worker| {
+                worker.read(self, part, index)?;
+                make(&mut worker.zip, index, &worker.block)
+            })
+        };
+        thread::scope(|scope| {
+            let (sender, made) = mpsc::sync_channel::<Vec<T>>(1);
+            let taker = scope.spawn(move || made.into_iter().try_for_each(&mut take));
+            let all = order.chunks(batch).try_for_each(|batch| {
+                let made: Vec<Result<T>> = batch.par_iter().map(make_one).collect();
+                // Where the taker has failed nobody listens, and its error is told below.
+                let _ = sender.send(made.into_iter().collect::<Result<_>>()?);
+                Ok(())
+            });
+            drop(sender);
+            let taken = taker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+            all.and(taken)
+        })
+    }
+
+    /// The blocks of these indices, which increase, in the part's line order.
+    fn order(&self, part: usize, mut indices: Vec<usize>) -> Vec<usize> {
+        if self.meta.headers[part].line_order == LineOrder::Decreasing {
+            indices.reverse();
+        }
+        indices
+    }
+
+    /// How many blocks of a part are decoded at one time.
+    ///
+    /// # Errors
+    /// `Unreadable` when the system has not the memory for one.
+    fn batch(&self, part: usize) -> Result<usize> {
+        let bytes = self.meta.headers[part].max_block_byte_size().max(1);
+        if bytes > BATCH_BYTES {
+            let taken = (bytes as u64).saturating_mul(DECODING);
             limits::check_memory(taken, "a block").map_err(|error| self.place(part, error))?;
         }
-        self.for_each_batch(part, indices, (BATCH_BYTES / block_bytes).max(1), |chunks| {
-            let decompress = |(index, chunk)| Ok((index, self.decompress(chunk)?));
-            let blocks: Result<Vec<_>> = chunks.into_par_iter().map(decompress).collect();
-            take(blocks.map_err(|error| self.place(part, error))?)
-        })
+        Ok((BATCH_BYTES / bytes).max(1))
     }
 
     /// Hands all blocks of a part to `take`, compressed as they are, in its line order.
@@ -127,9 +205,12 @@ impl Document {
         indices: Vec<usize>,
         mut take: impl FnMut(usize, Chunk) -> Result<()>,
     ) -> Result<()> {
-        self.for_each_batch(part, indices, 1, |chunks| {
-            chunks.into_iter().try_for_each(|(index, chunk)| take(index, chunk))
-        })
+        let mut worker = Worker::default();
+        for index in self.order(part, indices) {
+            let chunk = worker.chunk(self, part, index)?;
+            take(index, chunk)?;
+        }
+        Ok(())
     }
 
     /// A number that stands for the file's content: other content, another number, but for rare chance
@@ -152,26 +233,6 @@ impl Document {
             let read = bytes.len();
             reader.consume(read);
         }
-    }
-
-    fn for_each_batch(
-        &self,
-        part: usize,
-        mut order: Vec<usize>,
-        batch: usize,
-        mut take: impl FnMut(Vec<(usize, Chunk)>) -> Result<()>,
-    ) -> Result<()> {
-        let file = File::open(&self.path).map_err(|error| self.place(part, io_error(&error)))?;
-        let mut reader = BufReader::new(file);
-        if self.meta.headers[part].line_order == LineOrder::Decreasing {
-            order.reverse();
-        }
-        for indices in order.chunks(batch) {
-            let read = |&index: &usize| Ok((index, guarded(|| self.chunk(&mut reader, part, index))?));
-            let chunks: Result<Vec<_>> = indices.iter().map(read).collect();
-            take(chunks.map_err(|error| self.place(part, error))?)?;
-        }
-        Ok(())
     }
 
     /// Names the file, and the part where there are several.
@@ -206,10 +267,92 @@ impl Document {
         Ok(chunk)
     }
 
-    fn decompress(&self, chunk: Chunk) -> Result<UncompressedBlock> {
-        guarded(|| {
-            UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|error| exr_error(&error))
-        })
+    /// Decodes `chunk` into `block`, whose memory is used again where it can be.
+    fn decompress(&self, chunk: Chunk, block: &mut UncompressedBlock, zip: &mut Zip) -> Result<()> {
+        let header = &self.meta.headers[chunk.layer_index];
+        if Zip::is_for(header)
+            && let CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le: packed, .. })
+            | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: packed, .. }) =
+                &chunk.compressed_block
+        {
+            let place = header.get_block_data_indices(&chunk.compressed_block);
+            let place = place.map_err(|error| exr_error(&error))?;
+            let bounds = header.get_absolute_block_pixel_coordinates(place).map_err(|e| exr_error(&e))?;
+            let position = bounds.position.to_usize("block").map_err(|error| exr_error(&error))?;
+            let bytes = bounds.size.area() * header.channels.bytes_per_pixel;
+            block.data.resize(bytes, 0);
+            // What does not shrink is stored as it is.
+            let whole = if packed.len() == bytes {
+                block.data.copy_from_slice(packed);
+                true
+            } else {
+                zip.decompress(packed, &mut block.data).is_some()
+            };
+            if whole {
+                block.index = BlockIndex {
+                    layer: chunk.layer_index,
+                    pixel_position: position,
+                    pixel_size: bounds.size,
+                    level: place.level_index,
+                };
+                return Ok(());
+            }
+        }
+        *block = UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|e| exr_error(&e))?;
+        Ok(())
+    }
+}
+
+/// What a thread needs to read blocks.
+struct Worker {
+    file: Option<BufReader<File>>,
+    zip: Zip,
+    block: UncompressedBlock,
+}
+
+impl Default for Worker {
+    fn default() -> Self {
+        let zero = Vec2(0, 0);
+        let index = BlockIndex { layer: 0, pixel_position: zero, pixel_size: zero, level: zero };
+        Self { file: None, zip: Zip::default(), block: UncompressedBlock { index, data: vec![] } }
+    }
+}
+
+impl Worker {
+    /// Reads a block of a part.
+    fn read(&mut self, document: &Document, part: usize, index: usize) -> Result<&UncompressedBlock> {
+        let chunk = self.chunk(document, part, index)?;
+        guarded(|| document.decompress(chunk, &mut self.block, &mut self.zip))
+            .map_err(|error| document.place(part, error))?;
+        Ok(&self.block)
+    }
+
+    /// Reads a block of a part, compressed as it is.
+    fn chunk(&mut self, document: &Document, part: usize, index: usize) -> Result<Chunk> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            closed => {
+                let file = File::open(&document.path);
+                let file = file.map_err(|error| document.place(part, io_error(&error)))?;
+                closed.insert(BufReader::new(file))
+            }
+        };
+        guarded(|| document.chunk(file, part, index)).map_err(|error| document.place(part, error))
+    }
+}
+
+/// What threads work with and leave to each other, so that its memory is had once.
+#[derive(Default)]
+struct Spare<T>(Mutex<Vec<T>>);
+
+impl<T: Default> Spare<T> {
+    fn lend<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner); // whole at any time
+        let spare = all().pop();
+        let mut tools = spare.unwrap_or_default();
+        let done = work(&mut tools);
+        all().push(tools);
+        done
     }
 }
 
@@ -228,16 +371,18 @@ fn overlap(a: IntegerBounds, b: IntegerBounds) -> bool {
         && along(a.position.y(), a.size.height(), b.position.y(), b.size.height())
 }
 
-/// The coordinates of a part's `index`th block in increasing rows.
-fn block_coordinates(header: &Header, index: usize) -> TileCoordinates {
-    let columns = match header.blocks {
+/// How many blocks of a part lie beside each other.
+fn columns_of_blocks(header: &Header) -> usize {
+    match header.blocks {
         BlockDescription::ScanLines => 1,
         BlockDescription::Tiles(tiles) => header.layer_size.width().div_ceil(tiles.tile_size.width()),
-    };
-    TileCoordinates {
-        tile_index: exr::math::Vec2(index % columns, index / columns),
-        level_index: exr::math::Vec2(0, 0),
     }
+}
+
+/// The coordinates of a part's `index`th block in increasing rows.
+fn block_coordinates(header: &Header, index: usize) -> TileCoordinates {
+    let columns = columns_of_blocks(header);
+    TileCoordinates { tile_index: Vec2(index % columns, index / columns), level_index: Vec2(0, 0) }
 }
 
 /// The decoder is careful with damaged input but not proven: should it panic all the same, the file

@@ -9,19 +9,15 @@ use exr::block::writer::{ChunkWriter, ChunksWriter};
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
-use exr::prelude::{Compression, Vec2};
-use libdeflater::{CompressionLvl, Compressor};
+use exr::prelude::Vec2;
 use rayon::prelude::*;
 
+use super::zip::Zip;
 use crate::error::{Error, ErrorKind};
 
 /// Blocks that are compressed together: enough to keep the threads busy, few enough to be a small
 /// share of the memory.
 pub(super) const BATCH: usize = 64;
-
-/// `[choice]` of libdeflate's levels 1, 4 and 6 on a noisy picture of 31 channels: 0.99, 1.60 and 1.35 s of the processor for
-/// 1.002, 1.001 and 1 of the bytes.
-const ZIP_LEVEL: i32 = 1;
 
 /// Writes `blocks`, each with its index in its header, in their order. They are made and compressed on rayon's
 /// current threads; the order in the file does not depend on them.
@@ -34,8 +30,8 @@ pub(super) fn write_blocks<W: Write + Seek>(
     blocks: impl ParallelIterator<Item = (usize, UncompressedBlock)>,
 ) -> exr::error::UnitResult {
     let chunks: Vec<_> = blocks
-        .map_init(compressor, |compressor, (index, block)| {
-            compress(block, headers, compressor).map(|chunk| (index, chunk))
+        .map_init(Zip::default, |zip, (index, block)| {
+            compress(block, headers, zip).map(|chunk| (index, chunk))
         })
         .collect();
     for chunk in chunks {
@@ -45,24 +41,21 @@ pub(super) fn write_blocks<W: Write + Seek>(
     Ok(())
 }
 
-fn compressor() -> Compressor {
-    Compressor::new(CompressionLvl::new(ZIP_LEVEL).expect("it is one of libdeflate's levels"))
-}
-
-/// The chunk of a block. `[choice]` ZIP is compressed here and not by `exr`, whose compressor takes 3.4 times as
-/// long for as many bytes and was more than a fifth of what the fastest preset takes.
-fn compress(
+/// The chunk of a block.
+///
+/// # Errors
+/// When the block does not fit its header.
+pub(super) fn compress(
     block: UncompressedBlock,
     headers: &[Header],
-    compressor: &mut Compressor,
+    zip: &mut Zip,
 ) -> exr::error::Result<Chunk> {
     let header = &headers[block.index.layer];
-    let is_zip = matches!(header.compression, Compression::ZIP1 | Compression::ZIP16);
-    if !is_zip || cfg!(target_endian = "big") {
+    if !Zip::is_for(header) {
         return block.compress_to_chunk(headers);
     }
-    let zipped = zip(&block.data, compressor)?;
-    let compressed_pixels_le = if zipped.len() < block.data.len() { zipped } else { block.data };
+    let packed = zip.compress(&block.data)?;
+    let compressed_pixels_le = if packed.len() < block.data.len() { packed } else { block.data };
     let Vec2(x, y) = block.index.pixel_position;
     let compressed_block = match header.blocks {
         BlockDescription::ScanLines => CompressedBlock::ScanLine(CompressedScanLineBlock {
@@ -78,26 +71,6 @@ fn compress(
         }),
     };
     Ok(Chunk { layer_index: block.index.layer, compressed_block })
-}
-
-/// Bytes as ZIP blocks hold them: first those at even places and then those at odd ones, each as its difference
-/// to the one before it plus 128, deflated.
-fn zip(data: &[u8], compressor: &mut Compressor) -> std::io::Result<Vec<u8>> {
-    let (pairs, last) = data.as_chunks::<2>();
-    let mut sorted = vec![0; data.len()];
-    let (even, odd) = sorted.split_at_mut(pairs.len() + last.len());
-    even[pairs.len()..].copy_from_slice(last);
-    for ((even, odd), pair) in even.iter_mut().zip(odd).zip(pairs) {
-        [*even, *odd] = *pair;
-    }
-    let mut filtered = sorted.clone();
-    for (difference, pair) in filtered.iter_mut().skip(1).zip(sorted.array_windows::<2>()) {
-        *difference = pair[1].wrapping_sub(pair[0]).wrapping_add(128);
-    }
-    let mut zipped = vec![0; compressor.zlib_compress_bound(filtered.len())];
-    let length = compressor.zlib_compress(&filtered, &mut zipped).map_err(std::io::Error::other)?;
-    zipped.truncate(length);
-    Ok(zipped)
 }
 
 /// The block at `index` whose line of channel `c` at row `y` is filled by `line(c, x, y, bytes)`,

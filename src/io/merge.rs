@@ -154,10 +154,7 @@ fn first_hole(pieces: &[Piece], [x, y, width, height]: [i64; 4]) -> Option<(i64,
 fn gather(pieces: &[Piece], part: usize, header: &Header) -> Result<Canvas> {
     let mut canvas = Canvas::new(header);
     for piece in pieces {
-        piece.document.for_each_block(part, None, |blocks| {
-            blocks.iter().for_each(|(_, block)| canvas.take(&piece.document.headers()[part], block, Some));
-            Ok(())
-        })?;
+        canvas.take_all(&piece.document, part, Some)?;
     }
     Ok(canvas)
 }

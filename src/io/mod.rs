@@ -47,6 +47,7 @@ mod statistics;
 mod sums;
 mod survey;
 mod variance;
+mod zip;
 
 pub use atomic::{abandon_temporaries, check_target, write_bytes};
 pub use bounds::bound_feature;

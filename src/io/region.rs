@@ -148,10 +148,7 @@ fn gather(document: &Document, part: usize, new: &NewPart, header: &Header) -> R
     let output = |wanted: usize| {
         new.sources.iter().position(|source| matches!(source, Source::Input(channel) if *channel == wanted))
     };
-    document.for_each_block(part, Some(header.data_window()), |blocks| {
-        blocks.iter().for_each(|(_, block)| canvas.take(&document.headers()[part], block, output));
-        Ok(())
-    })?;
+    canvas.take_all(document, part, output)?;
     for (channel, source) in new.sources.iter().enumerate() {
         let Source::Plane(plane) = source else { continue };
         for y in 0..plane.height() {

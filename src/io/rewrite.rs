@@ -15,12 +15,12 @@ use exr::meta::header::Header;
 use exr::meta::{BlockDescription, Headers};
 use exr::prelude::{Compression, Vec2};
 use half::f16;
-use rayon::prelude::*;
 
 use super::atomic::write_picture_atomically;
 use super::decode::ChannelAt;
 use super::document::Document;
-use super::encode::{block_from_lines, encode_error, through_encoder, write_blocks};
+use super::encode::{block_from_lines, compress, encode_error, through_encoder};
+use super::zip::Zip;
 use crate::error::Result;
 use crate::image::Plane;
 
@@ -108,15 +108,24 @@ pub(super) fn rewrite(
 ) -> Result<Vec<String>> {
     let Plan { new, headers, notes } = Plan::new(document, replacements, additions, signature);
     write_picture_atomically(target, |file| {
+        let disk = *file.get_ref();
         exr::block::write(file, headers, false, |meta, writer| {
             for (part, new) in new.iter().enumerate() {
                 let written = if let Some(new) = new {
-                    document.for_each_block(part, None, |blocks| {
-                        let input = &document.headers()[part];
-                        let blocks = blocks
-                            .par_iter()
-                            .flat_map_iter(|(index, block)| new.blocks(input, *index, block));
-                        write_blocks(writer, &meta.headers, blocks).map_err(encode_error)
+                    let input = &document.headers()[part];
+                    let make = |zip: &mut Zip, index: usize, block: &UncompressedBlock| {
+                        let blocks = new.blocks(input, index, block).into_iter();
+                        let chunks = blocks.map(|(index, block)| {
+                            compress(block, &meta.headers, zip).map(|chunk| (index, chunk))
+                        });
+                        chunks.collect::<std::result::Result<Vec<_>, _>>().map_err(encode_error)
+                    };
+                    document.make_of_blocks(part, make, |made| {
+                        for (index, chunk) in made.into_iter().flatten() {
+                            writer.write_chunk(index, chunk).map_err(encode_error)?;
+                        }
+                        // The disk works while the next blocks are made, and has little to do at the end.
+                        disk.sync_data().map_err(|error| encode_error(error.into()))
                     })
                 } else {
                     document.for_each_chunk(part, |index, chunk| {
