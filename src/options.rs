@@ -232,7 +232,7 @@ impl Options {
             max_order: 2,
             coarse: false,
             stages: vec![vec![color], vec![albedo]],
-            prefilter: PrefilterOptions { window_radius: 2, ..PrefilterOptions::default() },
+            prefilter: PrefilterOptions { window_radius: 1, ..PrefilterOptions::default() },
             ..Self::default()
         }
     }

@@ -91,7 +91,7 @@ impl Patches {
         for (c, guide) in self.guides.iter().enumerate() {
             for (i, row) in scratch.boxed.chunks_exact_mut(width).take(rows.len() + 2 * f).enumerate() {
                 let y = rows.start as isize + i as isize - f as isize;
-                guide.delta_row(y, offset, f, &mut scratch.delta);
+                guide.delta_row([-(f as isize), y], offset, &mut scratch.delta);
                 row.copy_from_slice(&scratch.delta[..width]);
                 for shift in 1..patch {
                     row.iter_mut().zip(&scratch.delta[shift..]).for_each(|(b, d)| *b += d);

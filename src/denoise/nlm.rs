@@ -6,99 +6,144 @@
 use super::vectors;
 use super::weights::{self, Guide};
 use crate::image::Plane;
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Rows of one task; fixed, so that nothing depends on the number of threads.
 const BAND: usize = 16;
 
+/// Columns that are filtered together: what they need stays in the cache.
+const COLUMNS: usize = 256;
+
 /// Filters `planes` with the weights of `guide` (Rousselle, Knaus, Zwicker 2012).
 pub fn filter(
     guide: &Guide,
-    planes: &[&Plane],
+    planes: &[Plane],
     radius: usize,
     patch_radius: usize,
     bandwidth: f32,
 ) -> Vec<Plane> {
     let (width, height) = planes[0].size();
     let arch = vectors::widest();
-    let bands: Vec<Vec<f32>> = (0..height.div_ceil(BAND))
-        .into_par_iter()
-        .map(|band| {
-            let rows = band * BAND..((band + 1) * BAND).min(height);
-            arch.dispatch(
-                #[inline(always)]
-                || filter_band(guide, planes, rows, [radius, patch_radius], bandwidth),
-            )
-        })
-        .collect();
-    (0..planes.len())
-        .map(|c| {
-            let mut data = Vec::with_capacity(width * height);
-            for band in &bands {
-                let size = band.len() / planes.len();
-                data.extend_from_slice(&band[c * size..(c + 1) * size]);
-            }
-            Plane::from_vec(width, height, data).expect("the bands cover the picture")
-        })
-        .collect()
+    let mut filtered: Vec<Plane> = planes.iter().map(|_| Plane::filled(width, height, 0.0)).collect();
+    let mut bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND)).map(|_| vec![]).collect();
+    for plane in &mut filtered {
+        let rows = plane.data_mut().chunks_mut(BAND * width);
+        bands.iter_mut().zip(rows).for_each(|(band, rows)| band.push(rows));
+    }
+    bands.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (band, mut out)| {
+        let rows = band * BAND..((band + 1) * BAND).min(height);
+        for left in (0..width).step_by(COLUMNS) {
+            let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
+            arch.dispatch(Part {
+                guide,
+                planes,
+                radius,
+                patch_radius,
+                bandwidth,
+                rows,
+                columns,
+                scratch,
+                out: &mut out,
+            });
+        }
+    });
+    filtered
 }
 
-#[inline(always)]
-fn filter_band(
-    guide: &Guide,
-    planes: &[&Plane],
-    rows: std::ops::Range<usize>,
-    [radius, patch_radius]: [usize; 2],
+/// What a task works with.
+#[derive(Default)]
+struct Scratch {
+    /// Σ w·v of every plane, and Σ w.
+    sums: Vec<Vec<f32>>,
+    total: Vec<f32>,
+    delta: Vec<f32>,
+    /// The differences, summed along rows.
+    boxed: Vec<f32>,
+    distance: Vec<f32>,
+    weight: Vec<f32>,
+}
+
+/// Pixels that are filtered together.
+struct Part<'a, 'b> {
+    guide: &'a Guide,
+    planes: &'a [Plane],
+    radius: usize,
+    patch_radius: usize,
     bandwidth: f32,
-) -> Vec<f32> {
-    let (width, height) = planes[0].size();
-    let size = rows.len() * width;
-    let mut sums = vec![0.0; planes.len() * size];
-    let mut total = vec![0.0; size];
-    let patch = 2 * patch_radius + 1;
-    let mut delta = vec![0.0; width + 2 * patch_radius];
-    let mut boxed = vec![0.0; (rows.len() + 2 * patch_radius) * width];
-    let (mut distance, mut weight) = (vec![0.0; width], vec![0.0; width]);
-    let r = radius as isize;
-    for dy in -r..=r {
-        for dx in -r..=r {
-            for (i, row) in boxed.chunks_exact_mut(width).enumerate() {
-                let y = rows.start as isize + i as isize - patch_radius as isize;
-                guide.delta_row(y, [dx, dy], patch_radius, &mut delta);
-                row.copy_from_slice(&delta[..width]);
-                for shift in 1..patch {
-                    row.iter_mut().zip(&delta[shift..]).for_each(|(b, d)| *b += d);
+    rows: Range<usize>,
+    columns: Range<usize>,
+    scratch: &'a mut Scratch,
+    /// All columns of the rows, filtered.
+    out: &'a mut [&'b mut [f32]],
+}
+
+impl WithSimd for Part<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Part { guide, planes, radius, patch_radius, bandwidth, rows, columns, scratch, out } = self;
+        let (picture_width, height) = planes[0].size();
+        let (width, patch) = (columns.len(), 2 * patch_radius + 1);
+        let Scratch { sums, total, delta, boxed, distance, weight } = scratch;
+        let zeros = |buffer: &mut Vec<f32>, length: usize| {
+            buffer.clear();
+            buffer.resize(length, 0.0);
+        };
+        sums.resize_with(planes.len(), Vec::new);
+        sums.iter_mut().chain([&mut *total]).for_each(|sums| zeros(sums, rows.len() * width));
+        zeros(delta, width + 2 * patch_radius);
+        zeros(boxed, (rows.len() + 2 * patch_radius) * width);
+        zeros(weight, width);
+        zeros(distance, width);
+        let (r, left) = (radius as isize, columns.start as isize);
+        for dy in -r..=r {
+            for dx in -r..=r {
+                for (i, row) in boxed.chunks_exact_mut(width).enumerate() {
+                    let y = rows.start as isize + i as isize - patch_radius as isize;
+                    guide.delta_row([left - patch_radius as isize, y], [dx, dy], delta);
+                    row.copy_from_slice(&delta[..width]);
+                    for shift in 1..patch {
+                        row.iter_mut().zip(&delta[shift..]).for_each(|(b, d)| *b += d);
+                    }
                 }
-            }
-            let inverse = 1.0 / (patch * patch) as f32;
-            for (i, y) in rows.clone().enumerate() {
-                let Some(qy) = y.checked_add_signed(dy).filter(|&q| q < height) else { continue };
-                distance.fill(0.0);
-                for row in boxed[i * width..].chunks_exact(width).take(patch) {
-                    distance.iter_mut().zip(row).for_each(|(d, b)| *d += b);
-                }
-                distance.iter_mut().for_each(|d| *d *= inverse);
-                weights::kernel(&distance, bandwidth, &mut weight);
-                let x0 = (-dx).max(0) as usize;
-                let x1 = (width as isize - dx.max(0)).max(0) as usize;
-                if x0 >= x1 {
-                    continue;
-                }
-                let (q0, q1) = ((x0 as isize + dx) as usize, (x1 as isize + dx) as usize);
-                let weight = &weight[x0..x1];
-                let at = i * width;
-                total[at + x0..at + x1].iter_mut().zip(weight).for_each(|(t, w)| *t += w);
-                for (plane, sums) in planes.iter().zip(sums.chunks_exact_mut(size)) {
-                    let values = &plane.row(qy)[q0..q1];
-                    for ((s, w), v) in sums[at + x0..at + x1].iter_mut().zip(weight).zip(values) {
-                        *s += w * v;
+                let inverse = 1.0 / (patch * patch) as f32;
+                // Of these columns, those whose neighbour is in the picture.
+                let from = (-dx - left).clamp(0, width as isize) as usize;
+                let to = (picture_width as isize - dx - left).clamp(0, width as isize) as usize;
+                for (i, y) in rows.clone().enumerate() {
+                    let Some(qy) = y.checked_add_signed(dy).filter(|&q| q < height) else { continue };
+                    if from >= to {
+                        continue;
+                    }
+                    distance.fill(0.0);
+                    for row in boxed[i * width..].chunks_exact(width).take(patch) {
+                        distance.iter_mut().zip(row).for_each(|(d, b)| *d += b);
+                    }
+                    distance.iter_mut().for_each(|d| *d *= inverse);
+                    weights::kernel(distance, bandwidth, weight);
+                    let weight = &weight[from..to];
+                    let own = i * width + from..i * width + to;
+                    let other = left + dx;
+                    total[own.clone()].iter_mut().zip(weight).for_each(|(t, w)| *t += w);
+                    for (plane, sums) in planes.iter().zip(&mut *sums) {
+                        let values =
+                            &plane.row(qy)[(other + from as isize) as usize..(other + to as isize) as usize];
+                        for ((s, w), v) in sums[own.clone()].iter_mut().zip(weight).zip(values) {
+                            *s += w * v;
+                        }
                     }
                 }
             }
         }
+        for (sums, out) in sums.iter().zip(out) {
+            let lines = sums.chunks_exact(width).zip(total.chunks_exact(width));
+            for ((sums, total), out) in lines.zip(out.chunks_exact_mut(picture_width)) {
+                let out = &mut out[columns.clone()];
+                out.iter_mut().zip(sums).zip(total).for_each(|((out, sum), total)| *out = sum / total);
+            }
+        }
     }
-    for sums in sums.chunks_exact_mut(size) {
-        sums.iter_mut().zip(&total).for_each(|(s, t)| *s /= t);
-    }
-    sums
 }

@@ -10,6 +10,7 @@ use super::weights::Guide;
 use crate::frame::Feature;
 use crate::image::Plane;
 use crate::options::PrefilterOptions;
+use std::borrow::Cow;
 
 /// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are; `noisy`
 /// tells whether it says so of any pixel of the whole picture.
@@ -18,13 +19,13 @@ pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<
         return feature.planes.clone();
     }
     let variances = match (&feature.var_of_mean, &feature.halves) {
-        (Some(given), _) => given.clone(),
+        (Some(given), _) => Cow::Borrowed(given),
         (None, Some([a, b])) => {
-            a.iter().zip(b).map(|(a, b)| variance::smooth(&variance::from_halves(a, b), 1)).collect()
+            let pairs = a.iter().zip(b);
+            Cow::Owned(pairs.map(|(a, b)| variance::smooth(&variance::from_halves(a, b), 1)).collect())
         }
         (None, None) => return feature.planes.clone(),
     };
     let guide = Guide::new(&feature.planes, &variances, 0.0, options.window_radius, options.patch_radius);
-    let planes: Vec<&Plane> = feature.planes.iter().collect();
-    nlm::filter(&guide, &planes, options.window_radius, options.patch_radius, options.bandwidth)
+    nlm::filter(&guide, &feature.planes, options.window_radius, options.patch_radius, options.bandwidth)
 }

@@ -138,15 +138,14 @@ impl Guide {
         }
     }
 
-    /// Writes the difference of pixel p and p + offset for p in row `y` from column −`margin` on, as many
-    /// as `out` holds: at least those of the row and its margins.
+    /// Writes the differences of pixels p and p + offset, p from column `x` of row `y` on, as many as `out` holds; up
+    /// to the padding they may lie outside the picture.
     #[inline(always)]
-    pub fn delta_row(&self, y: isize, [dx, dy]: [isize; 2], margin: usize, out: &mut [f32]) {
+    pub fn delta_row(&self, [x, y]: [isize; 2], [dx, dy]: [isize; 2], out: &mut [f32]) {
         let at = |x: isize, y: isize| {
-            ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize - margin as isize)
-                as usize
+            ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize) as usize
         };
-        let (p, q) = (at(0, y), at(dx, y + dy));
+        let (p, q) = (at(x, y), at(x + dx, y + dy));
         let (p, q) = (p..p + out.len(), q..q + out.len());
         out.fill(0.0);
         for (plane, variance) in self.planes.iter().zip(&self.variances) {
@@ -246,7 +245,7 @@ mod tests {
         let v = Plane::filled(21, 5, 0.3);
         let guide = Guide::new(&[u.clone(), u.clone(), u], &[v.clone(), v.clone(), v], 0.1, 2, 0);
         let mut row = vec![0.0; 21];
-        guide.delta_row(2, [1, -2], 0, &mut row);
+        guide.delta_row([0, 2], [1, -2], &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];
         for (x, &expected) in row[..21].iter().enumerate() {
             guide.differences(pulp::Scalar, &guide, [x as isize, 2], 2, &mut out);

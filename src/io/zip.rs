@@ -83,10 +83,12 @@ fn to_differences(data: &[u8], differences: &mut [u8]) {
 fn from_differences(differences: &[u8], data: &mut [u8]) {
     let (pairs, last) = data.as_chunks_mut::<2>();
     let (even, odd) = differences.split_at(pairs.len() + last.len());
-    // Every difference has 128 on it, but for the first byte, which is none.
-    let value = |before: u8, difference: u8| before.wrapping_add(difference).wrapping_sub(128);
+    // Every difference has 128 on it, which is its upper bit turned, but for the first byte, which is none.
+    let value = |before: u8, difference: u8| before.wrapping_add(difference ^ 128);
     let mut at_even = 128u8;
-    let mut at_odd = even.iter().fold(at_even, |before, difference| value(before, *difference));
+    // The odd ones go on from the last of the even ones: a sum that needs no chain.
+    let sum = even.iter().map(|difference| u32::from(*difference ^ 128)).sum::<u32>();
+    let mut at_odd = at_even.wrapping_add(sum as u8);
     for ((pair, even), odd) in pairs.iter_mut().zip(even).zip(odd) {
         (at_even, at_odd) = (value(at_even, *even), value(at_odd, *odd));
         *pair = [at_even, at_odd];
