@@ -280,10 +280,6 @@ fn center(
 ) {
     let options = problem.options;
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
-    // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
-    // do not join the average, and the coverage test sees the gap. Black blotches were what they left.
-    let least: [f32; 3] =
-        std::array::from_fn(|c| window.least(problem.targets[c]).min(0.0) - SWING * options.dark_level);
     let mut amounts: Vec<f32> = vec![];
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
@@ -299,7 +295,12 @@ fn center(
             k * trust * taper[x] * taper[y]
         }));
         for (t, predicted) in fitted.predicted.chunks_exact(own.len()).enumerate() {
-            let least = least.get(t).copied().unwrap_or(f32::NEG_INFINITY);
+            // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
+            // do not join the average, and the coverage test sees the gap. Black blotches were what they left.
+            let swing = -SWING * options.dark_level;
+            let swings = t < 3 && predicted.iter().any(|value| *value < swing);
+            let least =
+                if swings { window.least(problem.targets[t]).min(0.0) + swing } else { f32::NEG_INFINITY };
             for (a, value) in amounts.iter_mut().zip(predicted) {
                 *a = if value.abs() <= LARGEST_PREDICTION && *value >= least { *a } else { -1.0 };
             }
