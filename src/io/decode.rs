@@ -37,7 +37,7 @@ pub(super) fn read_planes(
     };
     limits::check_planes(wanted.len(), (window.size.width(), window.size.height()))
         .map_err(|error| error.in_file(document.path()))?;
-    let mut planes = None; // not before a first block proves that the file holds more than promises
+    let mut planes = None;
     for (part, header) in document.headers().iter().enumerate() {
         let fills: Vec<Option<usize>> =
             wanted.iter().map(|at| (at.part == part).then_some(at.channel)).collect();
@@ -46,6 +46,7 @@ pub(super) fn read_planes(
             continue;
         }
         if planes.is_none() {
+            // No memory for them before a first block proves that the file holds more than promises.
             document.for_each_block(part, &[rows[0].start..rows[0].start + 1], &mut [()], |(), _| ())?;
         }
         let planes = planes.get_or_insert_with(black);
@@ -79,7 +80,7 @@ fn bands<'a>(
 ) -> Vec<Band<'a>> {
     let header = &document.headers()[part];
     let (width, height) = (window.size.width(), window.size.height() as i64);
-    // The last row of the window that is covered by these blocks; the next ones are below.
+    // Behind the window's last row under these blocks; the next ones are below.
     let ends: Vec<usize> = rows
         .iter()
         .map(|row| {

@@ -150,12 +150,17 @@ impl Document {
         thread::scope(|scope| {
             let (sender, made) = mpsc::sync_channel::<Vec<T>>(1);
             let taker = scope.spawn(move || made.into_iter().try_for_each(&mut take));
-            let all = order.chunks(batch).try_for_each(|batch| {
-                let made: Vec<Result<T>> = batch.par_iter().map(make_one).collect();
-                // Where the taker has failed nobody listens, and its error is told below.
-                let _ = sender.send(made.into_iter().collect::<Result<_>>()?);
+            let make_all = || {
+                for batch in order.chunks(batch) {
+                    let made: Vec<Result<T>> = batch.par_iter().map(make_one).collect();
+                    // Where the taker has failed nobody listens any more; its error is told below.
+                    if sender.send(made.into_iter().collect::<Result<_>>()?).is_err() {
+                        break;
+                    }
+                }
                 Ok(())
-            });
+            };
+            let all = make_all();
             drop(sender);
             let taken = taker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
             all.and(taken)
