@@ -47,7 +47,8 @@ pub(super) fn read_planes(
         }
         if planes.is_none() {
             // No memory for them before a first block proves that the file holds more than promises.
-            document.for_each_block(part, &[rows[0].start..rows[0].start + 1], &mut [()], |(), _| ())?;
+            let first = rows[0].start..rows[0].start + 1;
+            document.for_each_block(part, std::slice::from_ref(&first), &mut [()], |(), _| ())?;
         }
         let planes = planes.get_or_insert_with(black);
         let from = header.own_attributes.layer_position;
