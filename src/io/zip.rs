@@ -87,7 +87,7 @@ fn from_differences(differences: &[u8], data: &mut [u8]) {
     let value = |before: u8, difference: u8| before.wrapping_add(difference ^ 128);
     let mut at_even = 128u8;
     // The odd ones go on from the last of the even ones: a sum that needs no chain.
-    let sum = even.iter().map(|difference| u32::from(*difference ^ 128)).sum::<u32>();
+    let sum = even.iter().fold(0u32, |sum, difference| sum.wrapping_add((*difference ^ 128).into()));
     let mut at_odd = at_even.wrapping_add(sum as u8);
     for ((pair, even), odd) in pairs.iter_mut().zip(even).zip(odd) {
         (at_even, at_odd) = (value(at_even, *even), value(at_odd, *odd));
@@ -122,5 +122,13 @@ mod tests {
         let mut differences = [0; 5];
         to_differences(&[10, 50, 11, 48, 13], &mut differences);
         assert_eq!(differences, [10, 129, 130, 50 - 13 + 128, 126]);
+    }
+    #[test]
+    fn a_large_block_whose_differences_add_up_to_more_than_32_bits_comes_back() {
+        let data: Vec<u8> = (0..35_000_000u32).map(|i| (i / 2).wrapping_neg() as u8).collect();
+        let (mut differences, mut back) = (vec![0; data.len()], vec![0; data.len()]);
+        to_differences(&data, &mut differences);
+        from_differences(&differences, &mut back);
+        assert!(back == data);
     }
 }
