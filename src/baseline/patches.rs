@@ -83,7 +83,6 @@ impl Patches {
     pub fn distances(&self, rows: Range<usize>, offset: [isize; 2], scratch: &mut Scratch, out: &mut [f32]) {
         let (width, f) = (self.size.0, self.patch_radius);
         let patch = 2 * f + 1;
-        scratch.delta.resize(width + 2 * f, 0.0);
         scratch.boxed.resize((rows.len() + 2 * f) * width, 0.0);
         scratch.channel.resize(out.len(), 0.0);
         let mean = self.channels == Channels::Mean;
@@ -91,11 +90,7 @@ impl Patches {
         for (c, guide) in self.guides.iter().enumerate() {
             for (i, row) in scratch.boxed.chunks_exact_mut(width).take(rows.len() + 2 * f).enumerate() {
                 let y = rows.start as isize + i as isize - f as isize;
-                guide.delta_row([-(f as isize), y], offset, &mut scratch.delta);
-                row.copy_from_slice(&scratch.delta[..width]);
-                for shift in 1..patch {
-                    row.iter_mut().zip(&scratch.delta[shift..]).for_each(|(b, d)| *b += d);
-                }
+                guide.patch_row([0, y], offset, f, &mut scratch.delta, row);
             }
             for (i, row) in scratch.channel.chunks_exact_mut(width).enumerate() {
                 row.fill(0.0);

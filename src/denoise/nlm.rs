@@ -94,7 +94,6 @@ impl WithSimd for Part<'_, '_> {
         };
         sums.resize_with(planes.len(), Vec::new);
         sums.iter_mut().chain([&mut *total]).for_each(|sums| zeros(sums, rows.len() * width));
-        zeros(delta, width + 2 * patch_radius);
         zeros(boxed, (rows.len() + 2 * patch_radius) * width);
         zeros(weight, width);
         zeros(distance, width);
@@ -103,11 +102,7 @@ impl WithSimd for Part<'_, '_> {
             for dx in -r..=r {
                 for (i, row) in boxed.chunks_exact_mut(width).enumerate() {
                     let y = rows.start as isize + i as isize - patch_radius as isize;
-                    guide.delta_row([left - patch_radius as isize, y], [dx, dy], delta);
-                    row.copy_from_slice(&delta[..width]);
-                    for shift in 1..patch {
-                        row.iter_mut().zip(&delta[shift..]).for_each(|(b, d)| *b += d);
-                    }
+                    guide.patch_row([left, y], [dx, dy], patch_radius, delta, row);
                 }
                 let inverse = 1.0 / (patch * patch) as f32;
                 // Of these columns, those whose neighbour is in the picture.

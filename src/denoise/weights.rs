@@ -138,10 +138,29 @@ impl Guide {
         }
     }
 
+    /// Writes what [`Self::delta_row`] writes, summed over 2·`patch_radius` + 1 pixels of the row around each pixel
+    /// from column `x` of row `y` on, as many as `out` holds; `delta` is to work in.
+    #[inline(always)]
+    pub fn patch_row(
+        &self,
+        [x, y]: [isize; 2],
+        offset: [isize; 2],
+        patch_radius: usize,
+        delta: &mut Vec<f32>,
+        out: &mut [f32],
+    ) {
+        delta.resize(out.len() + 2 * patch_radius, 0.0);
+        self.delta_row([x - patch_radius as isize, y], offset, delta);
+        out.copy_from_slice(&delta[..out.len()]);
+        for shift in 1..=2 * patch_radius {
+            out.iter_mut().zip(&delta[shift..]).for_each(|(sum, delta)| *sum += delta);
+        }
+    }
+
     /// Writes the differences of pixels p and p + offset, p from column `x` of row `y` on, as many as `out` holds; up
     /// to the padding they may lie outside the picture.
     #[inline(always)]
-    pub fn delta_row(&self, [x, y]: [isize; 2], [dx, dy]: [isize; 2], out: &mut [f32]) {
+    fn delta_row(&self, [x, y]: [isize; 2], [dx, dy]: [isize; 2], out: &mut [f32]) {
         let at = |x: isize, y: isize| {
             ((y + self.pad as isize) * self.stride as isize + x + self.pad as isize) as usize
         };

@@ -81,30 +81,25 @@ fn bands<'a>(
 ) -> Vec<Band<'a>> {
     let header = &document.headers()[part];
     let (width, height) = (window.size.width(), window.size.height() as i64);
-    // Behind the window's last row under these blocks; the next ones are below.
-    let ends: Vec<usize> = rows
+    // The window's rows under each row of blocks, which follow on each other.
+    let spans = rows.iter().map(|row| {
+        let IntegerBounds { position, size } = block_bounds(header, row.start);
+        let top = i64::from(position.y()) - i64::from(window.position.y());
+        [top, top + size.height() as i64].map(|y| y.clamp(0, height) as usize)
+    });
+    let spans: Vec<[usize; 2]> = spans.collect();
+    let mut bands: Vec<Band> = spans
         .iter()
-        .map(|row| {
-            let IntegerBounds { position, size } = block_bounds(header, row.start);
-            let end = i64::from(position.y()) + size.height() as i64 - i64::from(window.position.y());
-            end.clamp(0, height) as usize
-        })
-        .collect();
-    let top = block_bounds(header, rows[0].start).position.y();
-    let top = (i64::from(top) - i64::from(window.position.y())).clamp(0, height) as usize;
-    let tops = std::iter::once(&top).chain(&ends);
-    let mut bands: Vec<Band> = tops
-        .zip(&ends)
-        .map(|(&top, _)| {
+        .map(|&[top, _]| {
             let channels = header.channels.list.iter().map(|_| vec![]).collect();
             Band { top, channels, width }
         })
         .collect();
     for (plane, channel) in planes.iter_mut().zip(fills) {
         let Some(channel) = *channel else { continue };
-        let mut rest = &mut plane.data_mut()[top * width..];
-        for (band, end) in bands.iter_mut().zip(&ends) {
-            let (rows, below) = rest.split_at_mut((end - band.top) * width);
+        let mut rest = &mut plane.data_mut()[spans[0][0] * width..];
+        for (band, [top, end]) in bands.iter_mut().zip(&spans) {
+            let (rows, below) = rest.split_at_mut((end - top) * width);
             band.channels[channel].push(rows);
             rest = below;
         }

@@ -11,9 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::thread;
 
-use exr::block::chunk::{
-    Chunk, CompressedBlock, CompressedScanLineBlock, CompressedTileBlock, TileCoordinates,
-};
+use exr::block::chunk::{Chunk, CompressedBlock, TileCoordinates};
 use exr::block::{BlockIndex, UncompressedBlock};
 use exr::io::PeekRead;
 use exr::meta::attribute::{IntegerBounds, LineOrder};
@@ -210,9 +208,9 @@ impl Document {
         indices: Vec<usize>,
         mut take: impl FnMut(usize, Chunk) -> Result<()>,
     ) -> Result<()> {
-        let mut worker = Worker::default();
+        let mut reader = Reader::default();
         for index in self.order(part, indices) {
-            let chunk = worker.chunk(self, part, index)?;
+            let chunk = reader.chunk(self, part, index)?;
             take(index, chunk)?;
         }
         Ok(())
@@ -261,12 +259,7 @@ impl Document {
         if chunk.layer_index != part || found != block_coordinates(header, index) {
             return Err(damaged(format!("block {index} is not where the table of blocks says")));
         }
-        let is_empty = match &chunk.compressed_block {
-            CompressedBlock::ScanLine(block) => block.compressed_pixels_le.is_empty(),
-            CompressedBlock::Tile(block) => block.compressed_pixels_le.is_empty(),
-            CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => false, // refused before
-        };
-        if is_empty {
+        if packed_bytes(&chunk.compressed_block).is_some_and(<[u8]>::is_empty) {
             return Err(damaged(format!("block {index} is empty")));
         }
         Ok(chunk)
@@ -275,11 +268,7 @@ impl Document {
     /// Decodes `chunk` into `block`, whose memory is used again where it can be.
     fn decompress(&self, chunk: Chunk, block: &mut UncompressedBlock, zip: &mut Zip) -> Result<()> {
         let header = &self.meta.headers[chunk.layer_index];
-        if Zip::is_for(header)
-            && let CompressedBlock::ScanLine(CompressedScanLineBlock { compressed_pixels_le: packed, .. })
-            | CompressedBlock::Tile(CompressedTileBlock { compressed_pixels_le: packed, .. }) =
-                &chunk.compressed_block
-        {
+        if let Some(packed) = packed_bytes(&chunk.compressed_block).filter(|_| Zip::is_for(header)) {
             let place = header.get_block_data_indices(&chunk.compressed_block);
             let place = place.map_err(|error| exr_error(&error))?;
             let bounds = header.get_absolute_block_pixel_coordinates(place).map_err(|e| exr_error(&e))?;
@@ -308,9 +297,22 @@ impl Document {
     }
 }
 
-/// What a thread needs to read blocks.
+/// The bytes of a block as they are compressed; none of deep ones, which are refused before.
+fn packed_bytes(block: &CompressedBlock) -> Option<&[u8]> {
+    match block {
+        CompressedBlock::ScanLine(block) => Some(&block.compressed_pixels_le),
+        CompressedBlock::Tile(block) => Some(&block.compressed_pixels_le),
+        CompressedBlock::DeepScanLine(_) | CompressedBlock::DeepTile(_) => None,
+    }
+}
+
+/// A file that is opened when its first block is read.
+#[derive(Default)]
+struct Reader(Option<BufReader<File>>);
+
+/// What a thread needs to decode blocks.
 struct Worker {
-    file: Option<BufReader<File>>,
+    reader: Reader,
     zip: Zip,
     block: UncompressedBlock,
 }
@@ -319,22 +321,28 @@ impl Default for Worker {
     fn default() -> Self {
         let zero = Vec2(0, 0);
         let index = BlockIndex { layer: 0, pixel_position: zero, pixel_size: zero, level: zero };
-        Self { file: None, zip: Zip::default(), block: UncompressedBlock { index, data: vec![] } }
+        Self {
+            reader: Reader::default(),
+            zip: Zip::default(),
+            block: UncompressedBlock { index, data: vec![] },
+        }
     }
 }
 
 impl Worker {
     /// Reads a block of a part.
     fn read(&mut self, document: &Document, part: usize, index: usize) -> Result<&UncompressedBlock> {
-        let chunk = self.chunk(document, part, index)?;
+        let chunk = self.reader.chunk(document, part, index)?;
         guarded(|| document.decompress(chunk, &mut self.block, &mut self.zip))
             .map_err(|error| document.place(part, error))?;
         Ok(&self.block)
     }
+}
 
+impl Reader {
     /// Reads a block of a part, compressed as it is.
     fn chunk(&mut self, document: &Document, part: usize, index: usize) -> Result<Chunk> {
-        let file = match &mut self.file {
+        let file = match &mut self.0 {
             Some(file) => file,
             closed => {
                 let file = File::open(&document.path);
