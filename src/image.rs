@@ -181,6 +181,11 @@ impl Plane {
         &self.data[y * self.width..(y + 1) * self.width]
     }
 
+    /// Fills `out` with a part of row `y`, from column `x` on.
+    pub fn copy_row(&self, [x, y]: [usize; 2], out: &mut [f32]) {
+        out.copy_from_slice(&self.row(y)[x..x + out.len()]);
+    }
+
     /// The sample at column `x`, row `y`.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         debug_assert!(x < self.width);

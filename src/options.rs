@@ -226,9 +226,8 @@ impl Options {
     pub fn fast() -> Self {
         let [color, _, albedo] = Kernel::FAMILIES;
         Self {
-            window_radius: 6,
-            center_spacing: 8,
-            min_coverage: 1.0,
+            center_spacing: 15,
+            min_coverage: 0.5,
             max_order: 2,
             coarse: false,
             stages: vec![vec![color], vec![albedo]],

@@ -6,7 +6,7 @@
 
 use crate::denoise::vectors;
 use crate::denoise::weights::{Guide, exp_negative};
-use crate::image::Plane;
+use crate::image::{Plane, Rect};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -48,9 +48,9 @@ impl Patches {
         [window_radius, patch_radius]: [usize; 2],
         channels: Channels,
     ) -> Self {
-        let single = std::slice::from_ref;
+        let (whole, radii) = (Rect::whole(planes[0].size()), [window_radius, patch_radius]);
         let guides = planes.iter().zip(variances);
-        let guides = guides.map(|(p, v)| Guide::new(single(p), single(v), 0.0, window_radius, patch_radius));
+        let guides = guides.map(|(plane, variance)| Guide::new(&[plane], &[variance], whole, radii, 0.0));
         Self { guides: guides.collect(), size: planes[0].size(), window_radius, patch_radius, channels }
     }
 

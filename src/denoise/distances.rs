@@ -183,13 +183,13 @@ pub fn square(radius: usize) -> usize {
 mod tests {
     use super::*;
     use crate::denoise::surfaces::Spread;
-    use crate::image::Plane;
+    use crate::image::{Plane, Rect};
 
     const COLOR: Kind = Kind { patch_radius: 1, demodulated: false };
 
     /// A guide of three equal channels.
     fn colour(u: &Plane, v: &Plane) -> Guide {
-        Guide::new(&[u, u, u].map(Plane::clone), &[v, v, v].map(Plane::clone), 0.0, 2, 1)
+        Guide::new(&[u; 3], &[v; 3], Rect::whole(u.size()), [2, 1], 0.0)
     }
 
     fn steps(shift: usize) -> Plane {

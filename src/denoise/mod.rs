@@ -274,6 +274,7 @@ fn repair<'a>(
     } else {
         vec![]
     };
+    clean.halves = None; // they have told all that they know, and are six planes
     variance.iter_mut().for_each(|plane| drop(outlier::replace(plane, &outliers)));
     let taken = targets_mut(&mut clean).map(|plane| outlier::replace(plane, &outliers)).collect();
     Repaired { clean, variance, outliers, taken }

@@ -5,7 +5,7 @@
 
 use super::vectors;
 use super::weights::{self, Guide};
-use crate::image::Plane;
+use crate::image::{Plane, Rect};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -16,10 +16,10 @@ const BAND: usize = 16;
 /// Columns that are filtered together: what they need stays in the cache.
 const COLUMNS: usize = 256;
 
-/// Filters `planes` with the weights of `guide` (Rousselle, Knaus, Zwicker 2012).
+/// Filters `planes`, whose noise has these `variances`, with weights by themselves (Rousselle, Knaus, Zwicker 2012).
 pub fn filter(
-    guide: &Guide,
     planes: &[Plane],
+    variances: &[Plane],
     radius: usize,
     patch_radius: usize,
     bandwidth: f32,
@@ -36,6 +36,8 @@ pub fn filter(
         let rows = band * BAND..((band + 1) * BAND).min(height);
         for left in (0..width).step_by(COLUMNS) {
             let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
+            let rect = Rect { x: left, y: rows.start, width: columns.len(), height: rows.len() };
+            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius], 0.0);
             arch.dispatch(Part {
                 guide,
                 planes,
@@ -67,6 +69,7 @@ struct Scratch {
 
 /// Pixels that are filtered together.
 struct Part<'a, 'b> {
+    /// Of these pixels.
     guide: &'a Guide,
     planes: &'a [Plane],
     radius: usize,
@@ -101,8 +104,8 @@ impl WithSimd for Part<'_, '_> {
         for dy in -r..=r {
             for dx in -r..=r {
                 for (i, row) in boxed.chunks_exact_mut(width).enumerate() {
-                    let y = rows.start as isize + i as isize - patch_radius as isize;
-                    guide.patch_row([left, y], [dx, dy], patch_radius, delta, row);
+                    let y = i as isize - patch_radius as isize;
+                    guide.patch_row([0, y], [dx, dy], patch_radius, delta, row);
                 }
                 let inverse = 1.0 / (patch * patch) as f32;
                 // Of these columns, those whose neighbour is in the picture.

@@ -6,7 +6,6 @@
 
 use super::nlm;
 use super::variance;
-use super::weights::Guide;
 use crate::frame::Feature;
 use crate::image::Plane;
 use crate::options::PrefilterOptions;
@@ -26,6 +25,6 @@ pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<
         }
         (None, None) => return feature.planes.clone(),
     };
-    let guide = Guide::new(&feature.planes, &variances, 0.0, options.window_radius, options.patch_radius);
-    nlm::filter(&guide, &feature.planes, options.window_radius, options.patch_radius, options.bandwidth)
+    let PrefilterOptions { window_radius, patch_radius, bandwidth, .. } = *options;
+    nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth)
 }

@@ -73,6 +73,12 @@ impl Stage {
     pub fn color(&self) -> Rgb {
         std::array::from_fn(|c| self.targets[c].clone())
     }
+
+    /// The same, the rest given up.
+    pub fn into_color(self) -> Rgb {
+        let mut targets = self.targets.into_iter();
+        std::array::from_fn(|_| targets.next().expect("the colour is always a target"))
+    }
 }
 
 /// Sums of one pixel besides its targets: Σ a, Σ aξ, Σ a·order, Σ K.

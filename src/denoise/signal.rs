@@ -7,7 +7,7 @@ use super::surfaces::{Spread, Surfaces};
 use super::weights::Guide;
 use super::{Observer, Stage, coarse, variance};
 use crate::frame::Summary;
-use crate::image::{Plane, Rgb, sum_of_channels};
+use crate::image::{Plane, Rect, Rgb, sum_of_channels};
 use crate::options::{Kernel, Options};
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -66,7 +66,7 @@ impl Signal<'_> {
         observer: &dyn Observer,
         summary: &mut Summary,
     ) -> reconstruct::Stage {
-        let color: Rgb = std::array::from_fn(|c| self.targets[c].clone().into_owned());
+        let color = std::array::from_fn(|c| &*self.targets[c]);
         let trusted = self.variance.each_ref().map(variance::trusted);
         let features = (&self.features[..], &self.spreads[..]);
         let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), features, options);
@@ -76,7 +76,7 @@ impl Signal<'_> {
         for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
             observer.stage(Stage::Fit(n + 1));
             let last = n + 1 == options.stages.len();
-            let pilot = stage.as_ref().map(reconstruct::Stage::color);
+            let pilot = stage.take().map(reconstruct::Stage::into_color);
             let problem = Problem {
                 // Only the last stage's operator is applied to the AOVs.
                 targets: self
@@ -145,31 +145,33 @@ pub struct Guides {
 impl Guides {
     /// Guides of a colour and its variance, of both over the albedo, and of the design's features.
     pub fn new(
-        color: &Rgb,
+        color: &[&Plane; 3],
         variance: &Rgb,
         albedo: Option<&Rgb>,
         (features, spreads): (&[Plane], &[Spread]),
         options: &Options,
     ) -> Self {
-        let guide = |color: &Rgb, variance: &Rgb| {
-            let (radius, patch_radius) = (options.window_radius, options.largest_patch());
-            Guide::new(color, variance, options.tolerance, radius, patch_radius)
-        };
+        let (size, whole) = (color[0].size(), Rect::whole(color[0].size()));
+        let radii = [options.window_radius, options.largest_patch()];
         let wanted = |asks: fn(&Kernel) -> bool| options.stages.iter().flatten().any(asks);
         let irradiance = albedo.filter(|_| wanted(|kernel| kernel.demodulate)).map(|albedo| {
-            let over = |a: &Plane, b: &Plane| {
-                Plane::par_from_fn(a.width(), a.height(), |x, y| a.get(x, y) / b.get(x, y))
+            let over = |plane: &Plane, albedo: &Plane, times: usize, [x, y]: [usize; 2], out: &mut [f32]| {
+                plane.copy_row([x, y], out);
+                for (value, albedo) in out.iter_mut().zip(&albedo.row(y)[x..]) {
+                    (0..times).for_each(|_| *value /= albedo);
+                }
             };
-            let irradiance: Rgb = std::array::from_fn(|c| over(&color[c], &albedo[c]));
-            let noise: Rgb = std::array::from_fn(|c| over(&over(&variance[c], &albedo[c]), &albedo[c]));
-            guide(&irradiance, &noise)
+            let value = |c: usize, at, out: &mut [f32]| over(color[c], &albedo[c], 1, at, out);
+            let noise = |c: usize, at, out: &mut [f32]| over(&variance[c], &albedo[c], 2, at, out);
+            Guide::of(size, whole, radii, options.tolerance, 3, value, noise)
         });
         let surfaces = if wanted(|kernel| kernel.feature_bandwidth.is_some()) {
             Surfaces::new(features, spreads, options.window_radius)
         } else {
             Surfaces::default()
         };
-        Self { color: guide(color, variance), irradiance, surfaces }
+        let color = Guide::new(color, variance, whole, radii, options.tolerance);
+        Self { color, irradiance, surfaces }
     }
 
     /// What demodulated kernels read, where some ask for it and there is an albedo.

@@ -11,7 +11,7 @@
 //! noisy or fine surfaces (foliage ×0.87, specular teapot ×0.89).
 
 use super::weights::{distance_stride, padded, padded_stride, vectors};
-use crate::image::Plane;
+use crate::image::{Plane, Rect};
 use crate::options::MAX_WINDOW_RADIUS;
 use pulp::Simd;
 
@@ -50,7 +50,13 @@ impl Surfaces {
     /// The design's `planes`, feature after feature of `spreads`, for windows of `window_radius`.
     pub fn new(planes: &[Plane], spreads: &[Spread], window_radius: usize) -> Self {
         let mut rest = planes;
-        let padded = |plane: &Plane| padded(plane, window_radius, [f32::MIN, f32::MAX]);
+        let padded = |plane: &Plane| {
+            let (size, whole) = (plane.size(), Rect::whole(plane.size()));
+            padded(size, whole, window_radius, |at, out| {
+                plane.copy_row(at, out);
+                out.iter_mut().for_each(|v| *v = v.clamp(f32::MIN, f32::MAX));
+            })
+        };
         let features = spreads.iter().map(|spread| {
             let (planes, others) = rest.split_at(spread.planes);
             rest = others;

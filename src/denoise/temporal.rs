@@ -156,7 +156,7 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
     let albedo = there.albedo.as_ref().map(rgb);
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
-        guides: Guides::new(&color, &noise, albedo.as_ref(), (&features, &here.spreads), options),
+        guides: Guides::new(&color.each_ref(), &noise, albedo.as_ref(), (&features, &here.spreads), options),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,
         features,

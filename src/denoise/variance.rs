@@ -1,9 +1,12 @@
 //! The variance of the colour's mean: given, from half buffers, or from the picture itself.
 
 use super::sanitize::Clean;
+use super::vectors;
 use crate::frame::Summary;
 use crate::image::{Plane, Rgb};
+use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Radius over which single-pixel estimates (one degree of freedom each) are averaged.
 const ESTIMATE_RADIUS: usize = 3;
@@ -107,37 +110,74 @@ pub fn smooth(plane: &Plane, radius: usize) -> Plane {
     if radius == 0 {
         return plane.clone();
     }
-    let (w, h) = plane.size();
-    let window = |i: usize, n: usize| i.saturating_sub(radius)..(i + radius + 1).min(n);
+    let ((w, h), arch) = (plane.size(), vectors::widest());
     let mut across = Plane::filled(w, h, 0.0);
     across.rows_mut().enumerate().for_each_init(
         || vec![0.0f64; w],
-        |sums, (y, means)| {
-            // Shift by shift: all columns at once, each in the order of its window.
-            sums.fill(0.0);
-            for shift in 0..=2 * radius {
-                let to = radius.saturating_sub(shift);
-                let from = &plane.row(y)[shift.saturating_sub(radius).min(w)..];
-                sums[to.min(w)..].iter_mut().zip(from).for_each(|(sum, v)| *sum += f64::from(*v));
-            }
-            for (x, (mean, sum)) in means.iter_mut().zip(&*sums).enumerate() {
-                *mean = (sum / window(x, w).len() as f64) as f32;
-            }
-        },
+        |sums, (y, means)| arch.dispatch(Across { row: plane.row(y), radius, sums, means }),
     );
     let mut smooth = Plane::filled(w, h, 0.0);
     smooth.rows_mut().enumerate().for_each_init(
         || vec![0.0f64; w],
-        |sums, (y, means)| {
-            sums.fill(0.0);
-            for row in window(y, h) {
-                sums.iter_mut().zip(across.row(row)).for_each(|(sum, v)| *sum += f64::from(*v));
-            }
-            let rows = window(y, h).len() as f64;
-            means.iter_mut().zip(&*sums).for_each(|(mean, sum)| *mean = (sum / rows) as f32);
-        },
+        |sums, (y, means)| arch.dispatch(Down { plane: &across, rows: around(y, radius, h), sums, means }),
     );
     smooth
+}
+
+/// The places within `radius` of `at` among `n`.
+fn around(at: usize, radius: usize, n: usize) -> Range<usize> {
+    at.saturating_sub(radius)..(at + radius + 1).min(n)
+}
+
+/// Means along a row; `sums` is to work in.
+struct Across<'a> {
+    row: &'a [f32],
+    radius: usize,
+    sums: &'a mut [f64],
+    means: &'a mut [f32],
+}
+
+impl WithSimd for Across<'_> {
+    type Output = ();
+
+    /// Shift by shift: all columns at once, each in the order of its window.
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { row, radius, sums, means } = self;
+        let w = row.len();
+        sums.fill(0.0);
+        for shift in 0..=2 * radius {
+            let to = radius.saturating_sub(shift);
+            let from = &row[shift.saturating_sub(radius).min(w)..];
+            sums[to.min(w)..].iter_mut().zip(from).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
+        for (x, (mean, sum)) in means.iter_mut().zip(&*sums).enumerate() {
+            *mean = (sum / around(x, radius, w).len() as f64) as f32;
+        }
+    }
+}
+
+/// Means of `rows`, column by column; `sums` is to work in.
+struct Down<'a> {
+    plane: &'a Plane,
+    rows: Range<usize>,
+    sums: &'a mut [f64],
+    means: &'a mut [f32],
+}
+
+impl WithSimd for Down<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { plane, rows, sums, means } = self;
+        let n = rows.len() as f64;
+        sums.fill(0.0);
+        for row in rows {
+            sums.iter_mut().zip(plane.row(row)).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
+        means.iter_mut().zip(&*sums).for_each(|(mean, sum)| *mean = (sum / n) as f32);
+    }
 }
 
 #[cfg(test)]

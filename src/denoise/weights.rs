@@ -8,9 +8,10 @@
 //! paper divides channel by channel: relMSE ×0.94 over three scenes at 64 spp, and a third of the divisions.
 
 use super::gram::LANES;
-use crate::image::{Plane, TASK_ROWS};
+use crate::image::{Plane, Rect, TASK_ROWS};
 use pulp::Simd;
 use rayon::prelude::*;
+use std::borrow::Borrow;
 
 /// Keeps the distance finite where neither pixel has any noise.
 const DISTANCE_EPSILON: f32 = 1e-10;
@@ -45,39 +46,54 @@ pub fn padded_stride(width: usize, pad: usize) -> usize {
     width + 2 * pad + LANES
 }
 
-/// `plane` in rows of [`padded_stride`], continued by its border, its values from `low` to `high`.
-pub fn padded(plane: &Plane, pad: usize, [low, high]: [f32; 2]) -> Vec<f32> {
-    let (w, h) = plane.size();
-    let stride = padded_stride(w, pad);
-    let mut out = vec![0.0; stride * (h + 2 * pad)];
-    out.par_chunks_exact_mut(stride).with_min_len(TASK_ROWS).enumerate().for_each(|(y, out)| {
-        let row = plane.row(y.saturating_sub(pad).min(h - 1));
-        let (left, rest) = out.split_at_mut(pad);
-        let (middle, right) = rest.split_at_mut(w);
-        left.fill(row[0].clamp(low, high));
-        middle.iter_mut().zip(row).for_each(|(out, v)| *out = v.clamp(low, high));
-        right.fill(row[w - 1].clamp(low, high));
+/// The pixels `rect` of a picture of `size` and those up to `pad` around them, in rows of [`padded_stride`], continued
+/// by the picture's border. `value` fills a part of a row, given by its first column and its row.
+pub fn padded(
+    size: (usize, usize),
+    rect: Rect,
+    pad: usize,
+    value: impl Fn([usize; 2], &mut [f32]) + Sync,
+) -> Vec<f32> {
+    let stride = padded_stride(rect.width, pad);
+    let mut out = vec![0.0; stride * (rect.height + 2 * pad)];
+    let left = pad.saturating_sub(rect.x);
+    let right = (rect.width + 2 * pad).min(pad + size.0 - rect.x);
+    out.par_chunks_exact_mut(stride).with_min_len(TASK_ROWS).enumerate().for_each(|(row, out)| {
+        let y = (rect.y + row).saturating_sub(pad).min(size.1 - 1);
+        value([rect.x + left - pad, y], &mut out[left..right]);
+        let (first, last) = (out[left], out[right - 1]);
+        out[..left].fill(first);
+        out[right..].fill(last);
     });
     out
 }
 
 impl Guide {
-    /// A guide for windows of `window_radius` and patches of up to `patch_radius`; differences of the share
-    /// `tolerance` of the planes count as noise does.
-    pub fn new(
-        planes: &[Plane],
-        variances: &[Plane],
+    /// A guide of the pixels `rect` of a picture of `size`, for windows of `window_radius` and patches of up to
+    /// `patch_radius`; differences of the share `tolerance` of the planes count as noise does. `value` and `variance`
+    /// fill a part of a row of each of the `planes`, given by its first column and its row.
+    pub fn of(
+        size: (usize, usize),
+        rect: Rect,
+        [window_radius, patch_radius]: [usize; 2],
         tolerance: f32,
-        window_radius: usize,
-        patch_radius: usize,
+        planes: usize,
+        value: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
+        variance: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
     ) -> Self {
         let pad = window_radius + patch_radius;
-        let stride = padded_stride(planes[0].width(), pad);
-        let all = |planes: &[Plane], range: [f32; 2]| -> Vec<Vec<f32>> {
-            planes.iter().map(|plane| padded(plane, pad, range)).collect()
+        let stride = padded_stride(rect.width, pad);
+        let all = |value: &(dyn Fn(usize, [usize; 2], &mut [f32]) + Sync), low: f32, high: f32| {
+            let plane = |n| {
+                padded(size, rect, pad, |at, out| {
+                    value(n, at, out);
+                    out.iter_mut().for_each(|v| *v = v.clamp(low, high));
+                })
+            };
+            (0..planes).map(plane).collect::<Vec<_>>()
         };
-        let planes = all(planes, [-LARGEST_GUIDE, LARGEST_GUIDE]);
-        let variances = all(variances, [0.0, LARGEST_GUIDE * LARGEST_GUIDE]);
+        let planes = all(&value, -LARGEST_GUIDE, LARGEST_GUIDE);
+        let variances = all(&variance, 0.0, LARGEST_GUIDE * LARGEST_GUIDE);
         let mut noise = vec![0.0; planes[0].len()];
         let mut level = noise.clone();
         let rows = noise.par_chunks_exact_mut(stride).zip(level.par_chunks_exact_mut(stride));
@@ -93,6 +109,20 @@ impl Guide {
             level.iter_mut().zip(&*noise).for_each(|(level, noise)| *level += noise);
         });
         Self { planes, variances, noise, level, stride, pad }
+    }
+
+    /// The same of `planes` with these `variances`.
+    pub fn new(
+        planes: &[impl Borrow<Plane> + Sync],
+        variances: &[impl Borrow<Plane> + Sync],
+        rect: Rect,
+        radii: [usize; 2],
+        tolerance: f32,
+    ) -> Self {
+        let size = planes[0].borrow().size();
+        let value = |n: usize, at, out: &mut [f32]| planes[n].borrow().copy_row(at, out);
+        let variance = |n: usize, at, out: &mut [f32]| variances[n].borrow().copy_row(at, out);
+        Self::of(size, rect, radii, tolerance, planes.len(), value, variance)
     }
 
     /// Writes the differences of the pixel at column `x` and row `y` and all pixels of the window around it in
@@ -262,7 +292,7 @@ mod tests {
     fn rows_of_differences_agree_with_single_distances() {
         let u = Plane::from_fn(21, 5, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::filled(21, 5, 0.3);
-        let guide = Guide::new(&[u.clone(), u.clone(), u], &[v.clone(), v.clone(), v], 0.1, 2, 0);
+        let guide = Guide::new(&[&u; 3], &[&v; 3], Rect::whole(u.size()), [2, 0], 0.1);
         let mut row = vec![0.0; 21];
         guide.delta_row([0, 2], [1, -2], &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];

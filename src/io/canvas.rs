@@ -10,10 +10,9 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
-use rayon::prelude::*;
 
 use super::document::{Document, block_bounds};
-use super::encode::{BATCH, block_from_lines, write_blocks};
+use super::encode::{block_from_lines, write_blocks};
 use crate::error::Result;
 
 /// All channels of a part, each in its own sample type: a line of every channel, row after row.
@@ -84,7 +83,7 @@ impl Canvas {
     ///
     /// # Errors
     /// When the disk is full.
-    pub(super) fn write<W: Write + Seek>(
+    pub(super) fn write<W: Write + Seek + Send>(
         &self,
         writer: &mut ChunkWriter<W>,
         headers: &[Header],
@@ -95,11 +94,7 @@ impl Canvas {
         if header.line_order == LineOrder::Decreasing {
             order.reverse();
         }
-        for batch in order.chunks(BATCH) {
-            let blocks = batch.par_iter().map(|&index| (index, self.block(header, part, index)));
-            write_blocks(writer, headers, blocks)?;
-        }
-        Ok(())
+        write_blocks(writer, headers, order.len(), |n| (order[n], self.block(header, part, order[n])))
     }
 
     fn block(&self, header: &Header, part: usize, index: usize) -> UncompressedBlock {

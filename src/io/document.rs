@@ -3,13 +3,13 @@
 //! Pixels are never held here. What the denoiser needs is decoded into planes by [`super::decode`],
 //! and everything else goes from the input to the output block by block in [`super::rewrite`].
 
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError, mpsc};
-use std::thread;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use exr::block::chunk::{Chunk, CompressedBlock, TileCoordinates};
 use exr::block::{BlockIndex, UncompressedBlock};
@@ -20,12 +20,17 @@ use exr::meta::{BlockDescription, MetaData, OffsetTables};
 use exr::prelude::Vec2;
 use rayon::prelude::*;
 
+use super::ordered::make_in_order;
 use super::zip::Zip;
 use super::{attributes, limits};
 use crate::error::{Error, ErrorKind, Result};
 
-/// Bytes of decoded blocks that are in flight at one time: enough to keep the threads busy.
-const BATCH_BYTES: usize = 64 << 20;
+/// The most bytes of decoded blocks that are kept until the result is written: a picture of 1920×1080 with 32 float
+/// channels. `[choice]` decoding them twice takes a twentieth of the fastest preset's time.
+const KEPT_BYTES: usize = 256 << 20;
+
+/// Bytes of a block beyond which the system is asked whether it has the memory.
+const LARGE_BLOCK: usize = 64 << 20;
 
 /// How often the decoder holds a block while it decodes it: as it comes out of the codec, and sorted.
 const DECODING: u64 = 3;
@@ -37,6 +42,20 @@ pub(super) struct Document {
     meta: MetaData,
     /// Where each block of each part starts, by index in increasing rows.
     offsets: OffsetTables,
+    kept: Option<Kept>,
+}
+
+/// The decoded blocks of a part, from the first look at them to the second.
+#[derive(Debug)]
+struct Kept {
+    part: usize,
+    blocks: Mutex<BTreeMap<usize, UncompressedBlock>>,
+}
+
+impl Kept {
+    fn blocks(&self) -> MutexGuard<'_, BTreeMap<usize, UncompressedBlock>> {
+        self.blocks.lock().unwrap_or_else(PoisonError::into_inner) // whole at any time
+    }
 }
 
 impl Document {
@@ -65,7 +84,7 @@ impl Document {
         let offsets = MetaData::read_offset_tables(&mut PeekRead::new(&mut reader), &meta.headers)
             .map_err(|error| exr_error(&error))?;
         attributes::keep(&mut meta.headers, &mut reader).map_err(|error| exr_error(&error))?;
-        Ok(Self { path: path.to_owned(), meta, offsets })
+        Ok(Self { path: path.to_owned(), meta, offsets, kept: None })
     }
 
     /// The file.
@@ -81,6 +100,19 @@ impl Document {
     /// The part's name, where it has one.
     pub(super) fn part_name(&self, part: usize) -> Option<String> {
         self.meta.headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string)
+    }
+
+    /// Keeps the blocks of a part that [`Self::for_each_block`] decodes for [`Self::make_of_blocks`], unless they are
+    /// more than [`KEPT_BYTES`].
+    pub(super) fn keep(&mut self, part: usize) {
+        let header = &self.meta.headers[part];
+        let few = header.layer_size.area().saturating_mul(header.channels.bytes_per_pixel) <= KEPT_BYTES;
+        self.kept = few.then(|| Kept { part, blocks: Mutex::default() });
+    }
+
+    /// The blocks of `part`, where they are kept.
+    fn kept(&self, part: usize) -> Option<&Kept> {
+        self.kept.as_ref().filter(|kept| kept.part == part)
     }
 
     /// The blocks of a part that have pixels under `window`, by their indices in increasing rows: those beside
@@ -108,25 +140,24 @@ impl Document {
         beside: &mut [T],
         take: impl Fn(&mut T, &UncompressedBlock) + Sync,
     ) -> Result<()> {
+        self.check_block(part)?;
         let workers = Spare::default();
-        let batch = self.batch(part)?;
-        for (rows, beside) in rows.chunks(batch).zip(beside.chunks_mut(batch)) {
-            let read = rows.par_iter().zip(beside).map(|(row, beside)| {
-                workers.lend(|worker: &mut Worker| {
-                    row.clone().try_for_each(|index| {
-                        take(beside, worker.read(self, part, index)?);
-                        Ok(())
-                    })
+        let read = rows.par_iter().zip(beside).map(|(row, beside)| {
+            workers.lend(|worker: &mut Worker| {
+                row.clone().try_for_each(|index| {
+                    take(beside, worker.read(self, part, index)?);
+                    if let Some(kept) = self.kept(part) {
+                        kept.blocks().insert(index, std::mem::replace(&mut worker.block, no_block()));
+                    }
+                    Ok(())
                 })
-            });
-            read.collect::<Vec<Result<()>>>().into_iter().collect::<Result<()>>()?;
-        }
-        Ok(())
+            })
+        });
+        read.collect::<Vec<Result<()>>>().into_iter().collect()
     }
 
-    /// Hands what `make` makes of the blocks of a part to `take`, in its line order and some at a time; they are taken
-    /// on a thread of their own while the next ones are made. `make` gets every block with its index in increasing
-    /// rows.
+    /// Hands what `make` makes of the blocks of a part to `take`, in its line order, on a thread of its own while more
+    /// of it is made. `make` gets every block with its index in increasing rows.
     ///
     /// # Errors
     /// `Unreadable` when a block is missing or damaged; and what `make` or `take` fails with.
@@ -134,35 +165,15 @@ impl Document {
         &self,
         part: usize,
         make: impl Fn(&mut Zip, usize, &UncompressedBlock) -> Result<T> + Sync,
-        mut take: impl FnMut(Vec<T>) -> Result<()> + Send,
+        take: impl FnMut(T) -> Result<()> + Send,
     ) -> Result<()> {
+        self.check_block(part)?;
         let order = self.order(part, (0..self.offsets[part].len()).collect());
-        let batch = self.batch(part)?;
-        let workers = Spare::default();
-        let make_one = |&index: &usize| {
-            workers.lend(|worker: &mut Worker| {
-                worker.read(self, part, index)?;
-                make(&mut worker.zip, index, &worker.block)
-            })
+        let make = |worker: &mut Worker, n: usize| {
+            worker.read(self, part, order[n])?;
+            make(&mut worker.zip, order[n], &worker.block)
         };
-        thread::scope(|scope| {
-            let (sender, made) = mpsc::sync_channel::<Vec<T>>(1);
-            let taker = scope.spawn(move || made.into_iter().try_for_each(&mut take));
-            let make_all = || {
-                for batch in order.chunks(batch) {
-                    let made: Vec<Result<T>> = batch.par_iter().map(make_one).collect();
-                    // Where the taker has failed nobody listens any more; its error is told below.
-                    if sender.send(made.into_iter().collect::<Result<_>>()?).is_err() {
-                        break;
-                    }
-                }
-                Ok(())
-            };
-            let all = make_all();
-            drop(sender);
-            let taken = taker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            all.and(taken)
-        })
+        make_in_order(order.len(), make, take)
     }
 
     /// The blocks of these indices, which increase, in the part's line order.
@@ -173,17 +184,17 @@ impl Document {
         indices
     }
 
-    /// How many blocks of a part are decoded at one time.
+    /// Checks that a block of a part finds room.
     ///
     /// # Errors
     /// `Unreadable` when the system has not the memory for one.
-    fn batch(&self, part: usize) -> Result<usize> {
-        let bytes = self.meta.headers[part].max_block_byte_size().max(1);
-        if bytes > BATCH_BYTES {
+    fn check_block(&self, part: usize) -> Result<()> {
+        let bytes = self.meta.headers[part].max_block_byte_size();
+        if bytes > LARGE_BLOCK {
             let taken = (bytes as u64).saturating_mul(DECODING);
             limits::check_memory(taken, "a block").map_err(|error| self.place(part, error))?;
         }
-        Ok((BATCH_BYTES / bytes).max(1))
+        Ok(())
     }
 
     /// Hands all blocks of a part to `take`, compressed as they are, in its line order.
@@ -298,7 +309,7 @@ impl Document {
 }
 
 /// The bytes of a block as they are compressed; none of deep ones, which are refused before.
-fn packed_bytes(block: &CompressedBlock) -> Option<&[u8]> {
+pub(super) fn packed_bytes(block: &CompressedBlock) -> Option<&[u8]> {
     match block {
         CompressedBlock::ScanLine(block) => Some(&block.compressed_pixels_le),
         CompressedBlock::Tile(block) => Some(&block.compressed_pixels_le),
@@ -317,21 +328,25 @@ struct Worker {
     block: UncompressedBlock,
 }
 
+fn no_block() -> UncompressedBlock {
+    let zero = Vec2(0, 0);
+    let index = BlockIndex { layer: 0, pixel_position: zero, pixel_size: zero, level: zero };
+    UncompressedBlock { index, data: vec![] }
+}
+
 impl Default for Worker {
     fn default() -> Self {
-        let zero = Vec2(0, 0);
-        let index = BlockIndex { layer: 0, pixel_position: zero, pixel_size: zero, level: zero };
-        Self {
-            reader: Reader::default(),
-            zip: Zip::default(),
-            block: UncompressedBlock { index, data: vec![] },
-        }
+        Self { reader: Reader::default(), zip: Zip::default(), block: no_block() }
     }
 }
 
 impl Worker {
     /// Reads a block of a part.
     fn read(&mut self, document: &Document, part: usize, index: usize) -> Result<&UncompressedBlock> {
+        if let Some(block) = document.kept(part).and_then(|kept| kept.blocks().remove(&index)) {
+            self.block = block;
+            return Ok(&self.block);
+        }
         let chunk = self.reader.chunk(document, part, index)?;
         guarded(|| document.decompress(chunk, &mut self.block, &mut self.zip))
             .map_err(|error| document.place(part, error))?;

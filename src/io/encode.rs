@@ -1,4 +1,4 @@
-//! Blocks of samples into compressed chunks, a batch at a time on all threads.
+//! Blocks of samples into compressed chunks.
 
 use std::io::{Seek, Write};
 
@@ -10,35 +10,28 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::meta::BlockDescription;
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
-use rayon::prelude::*;
 
+use super::ordered::make_in_order;
 use super::zip::Zip;
 use crate::error::{Error, ErrorKind};
 
-/// Blocks that are compressed together: enough to keep the threads busy, few enough to be a small
-/// share of the memory.
-pub(super) const BATCH: usize = 64;
-
-/// Writes `blocks`, each with its index in its header, in their order. They are made and compressed on rayon's
-/// current threads; the order in the file does not depend on them.
+/// Writes `count` blocks in their order: what `block` makes of their numbers, each with its index in its header.
+/// They are made and compressed on all threads, which changes nothing of the file.
 ///
 /// # Errors
 /// When a block does not fit its header or the disk is full.
-pub(super) fn write_blocks<W: Write + Seek>(
+pub(super) fn write_blocks<W: Write + Seek + Send>(
     writer: &mut ChunkWriter<W>,
     headers: &[Header],
-    blocks: impl ParallelIterator<Item = (usize, UncompressedBlock)>,
+    count: usize,
+    block: impl Fn(usize) -> (usize, UncompressedBlock) + Sync,
 ) -> exr::error::UnitResult {
-    let chunks: Vec<_> = blocks
-        .map_init(Zip::default, |zip, (index, block)| {
-            compress(block, headers, zip).map(|chunk| (index, chunk))
-        })
-        .collect();
-    for chunk in chunks {
-        let (index, chunk) = chunk?;
-        writer.write_chunk(index, chunk)?;
-    }
-    Ok(())
+    let make = |zip: &mut Zip, n: usize| {
+        let (index, block) = block(n);
+        compress(block, headers, zip).map(|chunk| (index, chunk)).map_err(encode_error)
+    };
+    let write = |(index, chunk)| writer.write_chunk(index, chunk).map_err(encode_error);
+    make_in_order(count, make, write).map_err(through_encoder)
 }
 
 /// The chunk of a block.

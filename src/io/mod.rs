@@ -35,6 +35,7 @@ mod layout;
 mod limits;
 mod mapping;
 mod merge;
+mod ordered;
 mod own;
 mod picture;
 mod recognize;

@@ -11,10 +11,9 @@ use exr::meta::BlockDescription;
 use exr::meta::attribute::{AttributeValue, ChannelDescription, LineOrder, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::Compression;
-use rayon::prelude::*;
 
 use super::atomic::write_picture_atomically;
-use super::encode::{BATCH, block_from_lines, encode_error, write_blocks};
+use super::encode::{block_from_lines, encode_error, write_blocks};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{FeatureKind, Frame};
 use crate::image::Plane;
@@ -53,19 +52,16 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
     write_picture_atomically(path, |file| {
         exr::block::write(file, std::iter::once(header).collect(), true, |meta, writer| {
             let blocks: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
-            for batch in blocks.chunks(BATCH) {
-                let filled = batch.par_iter().map(|&(index, block)| {
-                    let line = |c: usize, x: usize, y: usize, bytes: &mut [u8]| {
-                        let row: &[f32] = &channels[c].1.row(y)[x..];
-                        for (sample, value) in bytes.chunks_exact_mut(4).zip(row) {
-                            sample.copy_from_slice(&value.to_ne_bytes());
-                        }
-                    };
-                    (index, block_from_lines(&meta.headers[0], block, line))
-                });
-                write_blocks(writer, &meta.headers, filled)?;
-            }
-            Ok(())
+            write_blocks(writer, &meta.headers, blocks.len(), |n| {
+                let (index, block) = blocks[n];
+                let line = |c: usize, x: usize, y: usize, bytes: &mut [u8]| {
+                    let row: &[f32] = &channels[c].1.row(y)[x..];
+                    for (sample, value) in bytes.chunks_exact_mut(4).zip(row) {
+                        sample.copy_from_slice(&value.to_ne_bytes());
+                    }
+                };
+                (index, block_from_lines(&meta.headers[0], block, line))
+            })
         })
         .map_err(encode_error)
     })

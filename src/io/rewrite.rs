@@ -18,7 +18,7 @@ use half::f16;
 
 use super::atomic::write_picture_atomically;
 use super::decode::ChannelAt;
-use super::document::Document;
+use super::document::{Document, packed_bytes};
 use super::encode::{block_from_lines, compress, encode_error, through_encoder};
 use super::zip::Zip;
 use crate::error::Result;
@@ -53,6 +53,9 @@ pub(super) struct NewPart<'a> {
 
 /// The attribute that says what a result was made by.
 const SIGNATURE: &str = "apr.settings";
+
+/// Bytes that are written before the disk is asked to take them.
+const SYNC_BYTES: usize = 16 << 20;
 
 /// What becomes of every part of a file.
 pub(super) struct Plan<'a> {
@@ -120,11 +123,17 @@ pub(super) fn rewrite(
                         });
                         chunks.collect::<std::result::Result<Vec<_>, _>>().map_err(encode_error)
                     };
-                    document.make_of_blocks(part, make, |made| {
-                        for (index, chunk) in made.into_iter().flatten() {
+                    let mut unsynced = 0;
+                    document.make_of_blocks(part, make, |chunks| {
+                        for (index, chunk) in chunks {
+                            unsynced += packed_bytes(&chunk.compressed_block).map_or(0, <[u8]>::len);
                             writer.write_chunk(index, chunk).map_err(encode_error)?;
                         }
                         // The disk works while the next blocks are made, and has little to do at the end.
+                        if unsynced < SYNC_BYTES {
+                            return Ok(());
+                        }
+                        unsynced = 0;
                         disk.sync_data().map_err(|error| encode_error(error.into()))
                     })
                 } else {

@@ -58,7 +58,7 @@ impl Source {
     /// # Errors
     /// As [`Picture::read`](super::Picture::read).
     pub(super) fn open(path: &Path, options: &ReadOptions, held: bool) -> Result<(Self, Option<Held>)> {
-        let documents = open_all(path, options)?;
+        let mut documents = open_all(path, options)?;
         let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
         let layers = layers(&documents, one_file_per_buffer);
         let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
@@ -66,6 +66,9 @@ impl Source {
         let casting = Casting::new(&layers, renderer, &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
+        if held {
+            documents[0].keep(beauty[0].at.part);
+        }
         let mut candidates = casting.candidates(&color);
         candidates.retain(|found| options.motion || !matches!(found.mean.target.role, Role::Motion(_)));
 

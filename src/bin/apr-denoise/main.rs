@@ -27,6 +27,9 @@ use apr::error::{Error, ErrorKind, Result};
 use arguments::{Arguments, Command, CommandLine};
 use plan::Plan;
 
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
 

@@ -9,7 +9,7 @@ mod oracle;
 use super::*;
 use crate::denoise::gram::Tier;
 use crate::denoise::risk::RISK_RESOLUTION;
-use crate::image::sum_of_channels;
+use crate::image::{Rect, sum_of_channels};
 use crate::options::OrderChoice;
 use cases::Case;
 use nalgebra::{DMatrix, DVector};
@@ -116,7 +116,9 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let options = Options { order_choice: OrderChoice::Hard, ..Options::default() };
     let radius = options.window_radius;
     let basis = Basis::new(radius, case.features.len(), options.max_order);
-    let guide = Guide::new(&case.color, &case.variance, options.tolerance, radius, KERNEL.patch_radius);
+    let whole = Rect::whole(case.color[0].size());
+    let radii = [radius, KERNEL.patch_radius];
+    let guide = Guide::new(&case.color, &case.variance, whole, radii, options.tolerance);
     let noise = sum_of_channels(&case.variance);
     let problem = Problem {
         targets: case.color.iter().collect(),
