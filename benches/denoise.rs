@@ -9,6 +9,10 @@ use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 
 const SIZE: (usize, usize) = (1280, 720);
 
+/// The programs' own.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// The bundled render, mirrored at its borders until it fills the frame.
 fn frame() -> Frame {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/mitsuba/gallery_spp16.exr");

@@ -11,6 +11,10 @@ use gram::{Columns, Gram, LANES};
 use pulp::{Arch, Simd, WithSimd};
 use std::hint::black_box;
 
+/// The programs' own.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 /// Sums that are kept in flight: enough to hide the latency of two multiply-adds a cycle.
 const CHAINS: usize = 12;
 

@@ -221,8 +221,8 @@ impl Options {
         ("published", Self::published),
     ];
 
-    /// One kernel a stage on fewer centres and smaller windows, no cubic, no coarse picture: relMSE ×1.09 (18 scenes
-    /// at 16 to 256 spp) in 0.5 to 0.7 of the time, of which half is reading and writing.
+    /// One kernel a stage on fewer centres, no cubic, no coarse picture: relMSE ×1.11 (18 scenes at 16 to 256 spp) in
+    /// 0.35 to 0.5 of the time, of which half is reading and writing.
     pub fn fast() -> Self {
         let [color, _, albedo] = Kernel::FAMILIES;
         Self {
