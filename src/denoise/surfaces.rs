@@ -52,10 +52,7 @@ impl Surfaces {
         let mut rest = planes;
         let padded = |plane: &Plane| {
             let (size, whole) = (plane.size(), Rect::whole(plane.size()));
-            padded(size, whole, window_radius, |at, out| {
-                plane.copy_row(at, out);
-                out.iter_mut().for_each(|v| *v = v.clamp(f32::MIN, f32::MAX));
-            })
+            padded(size, whole, window_radius, [f32::MIN, f32::MAX], |at, out| plane.copy_row(at, out))
         };
         let features = spreads.iter().map(|spread| {
             let (planes, others) = rest.split_at(spread.planes);

@@ -47,11 +47,12 @@ pub fn padded_stride(width: usize, pad: usize) -> usize {
 }
 
 /// The pixels `rect` of a picture of `size` and those up to `pad` around them, in rows of [`padded_stride`], continued
-/// by the picture's border. `value` fills a part of a row, given by its first column and its row.
+/// by the picture's border, from `low` to `high`. `value` fills a part of a row, given by its first column and its row.
 pub fn padded(
     size: (usize, usize),
     rect: Rect,
     pad: usize,
+    [low, high]: [f32; 2],
     value: impl Fn([usize; 2], &mut [f32]) + Sync,
 ) -> Vec<f32> {
     let stride = padded_stride(rect.width, pad);
@@ -60,7 +61,9 @@ pub fn padded(
     let right = (rect.width + 2 * pad).min(pad + size.0 - rect.x);
     out.par_chunks_exact_mut(stride).with_min_len(TASK_ROWS).enumerate().for_each(|(row, out)| {
         let y = (rect.y + row).saturating_sub(pad).min(size.1 - 1);
-        value([rect.x + left - pad, y], &mut out[left..right]);
+        let inside = &mut out[left..right];
+        value([rect.x + left - pad, y], inside);
+        inside.iter_mut().for_each(|v| *v = v.clamp(low, high));
         let (first, last) = (out[left], out[right - 1]);
         out[..left].fill(first);
         out[right..].fill(last);
@@ -71,29 +74,24 @@ pub fn padded(
 impl Guide {
     /// A guide of the pixels `rect` of a picture of `size`, for windows of `window_radius` and patches of up to
     /// `patch_radius`; differences of the share `tolerance` of the planes count as noise does. `value` and `variance`
-    /// fill a part of a row of each of the `planes`, given by its first column and its row.
+    /// fill a part of a row of each of `count` planes, given by its first column and its row.
     pub fn of(
         size: (usize, usize),
         rect: Rect,
         [window_radius, patch_radius]: [usize; 2],
         tolerance: f32,
-        planes: usize,
+        count: usize,
         value: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
         variance: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
     ) -> Self {
         let pad = window_radius + patch_radius;
         let stride = padded_stride(rect.width, pad);
-        let all = |value: &(dyn Fn(usize, [usize; 2], &mut [f32]) + Sync), low: f32, high: f32| {
-            let plane = |n| {
-                padded(size, rect, pad, |at, out| {
-                    value(n, at, out);
-                    out.iter_mut().for_each(|v| *v = v.clamp(low, high));
-                })
-            };
-            (0..planes).map(plane).collect::<Vec<_>>()
-        };
-        let planes = all(&value, -LARGEST_GUIDE, LARGEST_GUIDE);
-        let variances = all(&variance, 0.0, LARGEST_GUIDE * LARGEST_GUIDE);
+        let limits = [-LARGEST_GUIDE, LARGEST_GUIDE];
+        let planes: Vec<_> =
+            (0..count).map(|n| padded(size, rect, pad, limits, |at, out| value(n, at, out))).collect();
+        let limits = [0.0, LARGEST_GUIDE * LARGEST_GUIDE];
+        let variances: Vec<_> =
+            (0..count).map(|n| padded(size, rect, pad, limits, |at, out| variance(n, at, out))).collect();
         let mut noise = vec![0.0; planes[0].len()];
         let mut level = noise.clone();
         let rows = noise.par_chunks_exact_mut(stride).zip(level.par_chunks_exact_mut(stride));
@@ -299,6 +297,24 @@ mod tests {
         for (x, &expected) in row[..21].iter().enumerate() {
             guide.differences(pulp::Scalar, &guide, [x as isize, 2], 2, &mut out);
             assert_eq!(out[3], expected);
+        }
+    }
+
+    #[test]
+    fn a_guide_of_a_part_is_the_whole_one_there() {
+        let u = Plane::from_fn(21, 15, |x, y| ((x * 7 + y * 13) % 11) as f32);
+        let v = Plane::from_fn(21, 15, |x, y| 0.1 + ((x + 3 * y) % 5) as f32);
+        let guide = |rect| Guide::new(&[&u; 2], &[&v; 2], rect, [2, 1], 0.1);
+        let whole = guide(Rect::whole(u.size()));
+        // A corner, the middle, all columns.
+        for (x, y, width, height) in [(0, 0, 5, 4), (7, 6, 4, 3), (0, 9, 21, 6), (16, 2, 5, 13)] {
+            let part = guide(Rect { x, y, width, height });
+            for (row, offset) in (-1..=height as isize).flat_map(|row| [(row, [2, -2]), (row, [-2, 1])]) {
+                let mut rows = [vec![0.0; width + 2], vec![0.0; width + 2]];
+                part.delta_row([-1, row], offset, &mut rows[0]);
+                whole.delta_row([x as isize - 1, y as isize + row], offset, &mut rows[1]);
+                assert_eq!(rows[0], rows[1], "{x}, {y}: row {row}");
+            }
         }
     }
 }

@@ -1,7 +1,7 @@
 //! An open EXR file: its headers, and its blocks on demand.
 //!
-//! Pixels are never held here. What the denoiser needs is decoded into planes by [`super::decode`],
-//! and everything else goes from the input to the output block by block in [`super::rewrite`].
+//! What the denoiser needs is decoded into planes by [`super::decode`], and everything else goes from the input to the
+//! output block by block in [`super::rewrite`]. Blocks of a small part are kept decoded from the one to the other.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -103,11 +103,12 @@ impl Document {
     }
 
     /// Keeps the blocks of a part that [`Self::for_each_block`] decodes for [`Self::make_of_blocks`], unless they are
-    /// more than [`KEPT_BYTES`].
+    /// more than [`KEPT_BYTES`] or the system has not the memory for them and as many bytes of planes.
     pub(super) fn keep(&mut self, part: usize) {
         let header = &self.meta.headers[part];
-        let few = header.layer_size.area().saturating_mul(header.channels.bytes_per_pixel) <= KEPT_BYTES;
-        self.kept = few.then(|| Kept { part, blocks: Mutex::default() });
+        let bytes = header.layer_size.area().saturating_mul(header.channels.bytes_per_pixel);
+        let room = bytes <= KEPT_BYTES && limits::check_memory(2 * bytes as u64, "blocks").is_ok();
+        self.kept = room.then(|| Kept { part, blocks: Mutex::default() });
     }
 
     /// The blocks of `part`, where they are kept.

@@ -96,9 +96,11 @@ mod tests {
                 thread::sleep(busy);
                 Ok((n, *used))
             };
-            on_threads(threads, || {
-                make_in_order(count, make, |(n, used)| Ok(taken.push((n, used)))).unwrap()
-            });
+            let take = |thing| {
+                taken.push(thing);
+                Ok(())
+            };
+            on_threads(threads, || make_in_order(count, make, take)).unwrap();
             assert!(taken.iter().map(|(n, _)| *n).eq(0..count));
             if threads == 1 {
                 assert!(taken.iter().all(|(n, used)| *used == n + 1), "a thread keeps its tools");
@@ -111,7 +113,11 @@ mod tests {
         let failed = |n: usize| Error::new(ErrorKind::Unreadable, format!("block {n}"));
         let make = |(): &mut (), n: usize| if n == 20 || n == 23 { Err(failed(n)) } else { Ok(n) };
         let mut taken = 0;
-        let result = on_threads(3, || make_in_order(90, make, |_| Ok(taken += 1)));
+        let take = |_| {
+            taken += 1;
+            Ok(())
+        };
+        let result = on_threads(3, || make_in_order(90, make, take));
         assert_eq!((result, taken), (Err(failed(20)), 20));
         let take = |n: usize| if n == 7 { Err(failed(n)) } else { Ok(()) };
         assert_eq!(on_threads(3, || make_in_order(90, make, take)), Err(failed(7)));
