@@ -7,11 +7,11 @@ use std::sync::{Mutex, PoisonError};
 use exr::block::lines::LineIndex;
 use exr::block::writer::ChunkWriter;
 use exr::block::{BlockIndex, UncompressedBlock};
-use exr::meta::attribute::{IntegerBounds, LineOrder};
+use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
 
-use super::document::{Document, block_bounds};
+use super::document::{Document, block_bounds, in_line_order};
 use super::encode::{block_from_lines, write_blocks};
 use crate::error::Result;
 
@@ -90,10 +90,7 @@ impl Canvas {
         part: usize,
     ) -> exr::error::UnitResult {
         let header = &headers[part];
-        let mut order: Vec<usize> = (0..header.chunk_count).collect();
-        if header.line_order == LineOrder::Decreasing {
-            order.reverse();
-        }
+        let order = in_line_order(header, (0..header.chunk_count).collect());
         write_blocks(writer, headers, order.len(), |n| (order[n], self.block(header, part, order[n])))
     }
 

@@ -169,20 +169,13 @@ impl Document {
         take: impl FnMut(T) -> Result<()> + Send,
     ) -> Result<()> {
         self.check_block(part)?;
-        let order = self.order(part, (0..self.offsets[part].len()).collect());
+        let header = &self.meta.headers[part];
+        let order = in_line_order(header, (0..self.offsets[part].len()).collect());
         let make = |worker: &mut Worker, n: usize| {
             worker.read(self, part, order[n])?;
             make(&mut worker.zip, order[n], &worker.block)
         };
         make_in_order(order.len(), make, take)
-    }
-
-    /// The blocks of these indices, which increase, in the part's line order.
-    fn order(&self, part: usize, mut indices: Vec<usize>) -> Vec<usize> {
-        if self.meta.headers[part].line_order == LineOrder::Decreasing {
-            indices.reverse();
-        }
-        indices
     }
 
     /// Checks that a block of a part finds room.
@@ -221,7 +214,7 @@ impl Document {
         mut take: impl FnMut(usize, Chunk) -> Result<()>,
     ) -> Result<()> {
         let mut reader = Reader::default();
-        for index in self.order(part, indices) {
+        for index in in_line_order(&self.meta.headers[part], indices) {
             let chunk = reader.chunk(self, part, index)?;
             take(index, chunk)?;
         }
@@ -389,6 +382,14 @@ impl<T: Default> Spare<T> {
 pub(super) fn block_bounds(header: &Header, index: usize) -> IntegerBounds {
     let place = header.get_block_data_window_pixel_coordinates(block_coordinates(header, index));
     place.expect("the index is one of the part's")
+}
+
+/// The blocks of these indices, which increase, in the part's line order.
+pub(super) fn in_line_order(header: &Header, mut indices: Vec<usize>) -> Vec<usize> {
+    if header.line_order == LineOrder::Decreasing {
+        indices.reverse();
+    }
+    indices
 }
 
 /// Whether two rectangles have pixels in common.

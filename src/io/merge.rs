@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 
 use exr::block::writer::ChunksWriter;
 use exr::meta::Headers;
-use exr::meta::attribute::LineOrder;
 use exr::meta::header::Header;
 
 use super::atomic::write_picture_atomically;
 use super::canvas::Canvas;
-use super::document::Document;
+use super::document::{Document, in_line_order};
 use super::encode::{encode_error, through_encoder};
 use super::region::{Cover, Mark};
 use super::rewrite::signature_in;
@@ -176,10 +175,7 @@ fn copy_blocks(
             Some((piece, cover, cover.index_within(index)?))
         })
     };
-    let mut order: Vec<usize> = (0..header.chunk_count).collect();
-    if header.line_order == LineOrder::Decreasing {
-        order.reverse();
-    }
+    let order = in_line_order(header, (0..header.chunk_count).collect());
     for index in order {
         let Some((piece, cover, within)) = holder(index) else {
             let what = format!("block {index} of part {part} is in no region");

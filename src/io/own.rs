@@ -14,6 +14,7 @@ use exr::prelude::Compression;
 
 use super::atomic::write_picture_atomically;
 use super::encode::{block_from_lines, encode_error, write_blocks};
+use super::rewrite::store;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{FeatureKind, Frame};
 use crate::image::Plane;
@@ -55,10 +56,7 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
             write_blocks(writer, &meta.headers, blocks.len(), |n| {
                 let (index, block) = blocks[n];
                 let line = |c: usize, x: usize, y: usize, bytes: &mut [u8]| {
-                    let row: &[f32] = &channels[c].1.row(y)[x..];
-                    for (sample, value) in bytes.chunks_exact_mut(4).zip(row) {
-                        sample.copy_from_slice(&value.to_ne_bytes());
-                    }
+                    store(&channels[c].1.row(y)[x..], SampleType::F32, bytes);
                 };
                 (index, block_from_lines(&meta.headers[0], block, line))
             })

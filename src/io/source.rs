@@ -66,7 +66,7 @@ impl Source {
         let casting = Casting::new(&layers, renderer, &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
-        // Of a sequence several pictures are held at once.
+        // Whoever wants motion vectors holds several pictures at once.
         if held && !options.motion {
             documents[0].keep(beauty[0].at.part);
         }
