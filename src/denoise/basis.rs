@@ -59,7 +59,7 @@ impl Basis {
         let (of_features, monomials) = rest.split_at_mut(self.features * stride);
         constant[part.clone()].fill(1.0);
         for ((f, feature), column) in features.iter().enumerate().zip(of_features.chunks_exact_mut(stride)) {
-            samples.gather(feature, part.clone(), centre(f), &mut column[part.clone()]);
+            samples.gather(feature, frame, centre(f), &mut column[part.clone()]);
         }
         let monomials = &mut monomials[..MONOMIALS_UP_TO[self.max_order] * stride];
         for (axis, column) in monomials.chunks_exact_mut(stride).take(2).enumerate() {

@@ -16,21 +16,34 @@ pub struct Samples {
     kernel: Vec<f32>,
     /// Of the frame at hand, before they become weights.
     distances: Vec<f32>,
-    /// Where each lies in the planes.
-    places: Vec<usize>,
+    /// Where they lie in the planes.
+    runs: Vec<Run>,
     /// Column and row of each in an unclipped window.
     spots: Vec<[u8; 2]>,
-    /// Where the samples of each frame end.
-    ends: Vec<usize>,
+    /// Where the samples and the runs of each frame end.
+    ends: Vec<[usize; 2]>,
     /// Which of the samples is the centre.
     centre: usize,
 }
+
+/// Samples side by side in a row of the planes, at most [`LONGEST_RUN`].
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    /// Where the first one lies.
+    place: usize,
+    /// How many there are.
+    length: usize,
+}
+
+/// As many samples are copied at once, whatever the length of the run: what is too much, the next one covers.
+/// `[choice]` against a sample at a time: ×0.8 of the fits' time.
+const LONGEST_RUN: usize = 16;
 
 impl Samples {
     /// Forgets all samples.
     pub fn clear(&mut self) {
         self.kernel.clear();
-        self.places.clear();
+        self.runs.clear();
         self.spots.clear();
         self.ends.clear();
     }
@@ -48,35 +61,41 @@ impl Samples {
         bandwidth: f32,
         trust: Option<(&Plane, f32)>,
     ) {
-        let start = self.places.len();
+        let start = self.spots.len();
         let (first_x, first_y) = window.offset(radius);
         let inside = ((1u32 << window.width) - 1) << first_x;
         self.distances.clear();
         let rows = distances.chunks_exact(weights::distance_stride(radius)).skip(first_y);
         for (row, distances) in rows.take(window.height).enumerate() {
             let mut near = weights::near(distances, bandwidth) & inside;
+            let place = |column: usize| (window.y0 + row) * columns + window.x0 + column - first_x;
+            if let Some((trust, _)) = trust {
+                let trusted = |column: &usize| trust.data()[place(*column)] > 0.0;
+                let columns = (first_x..first_x + window.width).filter(trusted);
+                near &= columns.fold(0, |bits, column| bits | 1 << column);
+            }
             while near != 0 {
                 let column = near.trailing_zeros() as usize;
-                near &= near - 1;
-                let place = (window.y0 + row) * columns + window.x0 + column - first_x;
-                if trust.is_some_and(|(trust, _)| trust.data()[place] <= 0.0) {
-                    continue;
-                }
-                self.distances.push(distances[column]);
-                self.places.push(place);
-                self.spots.push([column as u8, (first_y + row) as u8]);
+                let length = ((near >> column).trailing_ones() as usize).min(LONGEST_RUN);
+                near &= !(((1 << length) - 1) << column);
+                let run = column..column + length;
+                self.distances.extend_from_slice(&distances[run.clone()]);
+                self.spots.extend(run.map(|column| [column as u8, (first_y + row) as u8]));
+                self.runs.push(Run { place: place(column), length });
             }
         }
         self.kernel.truncate(start);
-        self.kernel.resize(self.places.len(), 0.0);
+        self.kernel.resize(self.spots.len(), 0.0);
         weights::kernel(&self.distances, bandwidth, &mut self.kernel[start..]);
+        self.ends.push([self.spots.len(), self.runs.len()]);
         if let Some((trust, factor)) = trust {
-            let places = self.places[start..].iter();
-            let kernels = self.kernel[start..].iter_mut().zip(places);
-            kernels.for_each(|(k, &place)| *k *= trust.data()[place] * factor);
+            // The distances have become weights: their buffer takes the trust.
+            let mut trusts = std::mem::take(&mut self.distances);
+            self.gather(trust, self.ends.len() - 1, 0.0, &mut trusts);
+            self.kernel[start..].iter_mut().zip(&trusts).for_each(|(k, trust)| *k *= trust * factor);
+            self.distances = trusts;
         }
-        self.kernel.resize(self.places.len().next_multiple_of(LANES), 0.0);
-        self.ends.push(self.places.len());
+        self.kernel.resize(self.spots.len().next_multiple_of(LANES), 0.0);
         if self.ends.len() == 1 {
             let middle = [radius as u8; 2];
             self.centre = self.spots.iter().position(|spot| *spot == middle).unwrap_or(0);
@@ -90,7 +109,7 @@ impl Samples {
 
     /// Whether there is one sample alone, in all frames together.
     pub fn is_one(&self) -> bool {
-        self.ends.last() == Some(&1)
+        self.spots.len() == 1
     }
 
     /// K of every sample, `stride` long.
@@ -105,14 +124,22 @@ impl Samples {
 
     /// The samples of a frame; frame 0 is this one.
     pub fn of_frame(&self, frame: usize) -> Range<usize> {
-        frame.checked_sub(1).map_or(0, |before| self.ends[before])..self.ends[frame]
+        let [start, _] = self.start(frame);
+        start..self.ends[frame][0]
+    }
+
+    /// The first sample and the first run of a frame.
+    fn start(&self, frame: usize) -> [usize; 2] {
+        frame.checked_sub(1).map_or([0; 2], |before| self.ends[before])
     }
 
     /// The mean of `plane` over the samples of a frame, by K; 1 without any.
     pub fn mean(&self, frame: usize, plane: &Plane) -> f32 {
         let samples = self.of_frame(frame);
-        let values = self.kernel[samples.clone()].iter().zip(&self.places[samples]);
-        let (sum, all) = values.fold((0.0, 0.0), |(s, a), (k, &place)| (s + k * plane.data()[place], a + k));
+        let mut values = vec![0.0; samples.len()];
+        self.gather(plane, frame, 0.0, &mut values);
+        let values = self.kernel[samples].iter().zip(&values);
+        let (sum, all) = values.fold((0.0, 0.0), |(s, a), (k, value)| (s + k * value, a + k));
         if all > 0.0 { sum / all } else { 1.0 }
     }
 
@@ -121,11 +148,18 @@ impl Samples {
         &self.spots[samples]
     }
 
-    /// Copies `plane`, less `shift`, at `samples`.
+    /// Copies `plane`, less `shift`, at the samples of a frame.
     #[inline(always)]
-    pub fn gather(&self, plane: &Plane, samples: Range<usize>, shift: f32, out: &mut [f32]) {
-        let data = plane.data();
-        out.iter_mut().zip(&self.places[samples]).for_each(|(out, &place)| *out = data[place] - shift);
+    pub fn gather(&self, plane: &Plane, frame: usize, shift: f32, out: &mut [f32]) {
+        let mut at = 0;
+        for Run { place, length } in &self.runs[self.start(frame)[1]..self.ends[frame][1]] {
+            let (from, to) = (&plane.data()[*place..], &mut out[at..]);
+            match (from.first_chunk::<LONGEST_RUN>(), to.first_chunk_mut::<LONGEST_RUN>()) {
+                (Some(from), Some(to)) => *to = from.map(|value| value - shift),
+                _ => to.iter_mut().zip(from).take(*length).for_each(|(to, from)| *to = from - shift),
+            }
+            at += length;
+        }
     }
 }
 
@@ -158,7 +192,8 @@ mod tests {
             let mean = (21.0 * kernel[0] + 30.0) / (kernel[0] + 1.0);
             assert!((samples.mean(0, &plane) - mean).abs() < 1e-4);
             let mut values = [0.0; 3];
-            samples.gather(&plane, 0..3, 5.0, &mut values);
+            samples.gather(&plane, 0, 5.0, &mut values[..2]);
+            samples.gather(&plane, 1, 5.0, &mut values[2..]);
             assert_eq!(values, [21.0 - 5.0, 30.0 - 5.0, 20.0 - 5.0]);
         }
     }

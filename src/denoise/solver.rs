@@ -281,17 +281,17 @@ impl<'a> Solver<'a> {
         basis.fill(samples, frame, features, |f| centre[f].get(window.cx, window.cy), design);
         let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
         for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
-            samples.gather(plane, part.clone(), 0.0, &mut column[part.clone()]);
+            samples.gather(plane, frame, 0.0, &mut column[part.clone()]);
         }
         let noise = &mut self.noise[part.clone()];
         let Some(Demodulation { albedo, .. }) = demodulation else {
-            return samples.gather(sum, part, 0.0, noise);
+            return samples.gather(sum, frame, 0.0, noise);
         };
         self.scratch.resize(2 * part.len(), 0.0);
         let (buffer, divisor) = self.scratch.split_at_mut(part.len());
         for (c, (plane, albedo)) in variance.iter().zip(albedo).enumerate() {
-            samples.gather(plane, part.clone(), 0.0, buffer);
-            samples.gather(albedo, part.clone(), 0.0, divisor);
+            samples.gather(plane, frame, 0.0, buffer);
+            samples.gather(albedo, frame, 0.0, divisor);
             for ((noise, v), a) in noise.iter_mut().zip(&*buffer).zip(&*divisor) {
                 *noise += v / (a * a);
             }
@@ -418,7 +418,7 @@ impl<'a> Solver<'a> {
             let mut squares = 0.0;
             self.scratch.resize(own.len(), 0.0);
             for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
-                self.samples.gather(&albedo[t % 3], own.clone(), 0.0, &mut self.scratch);
+                self.samples.gather(&albedo[t % 3], 0, 0.0, &mut self.scratch);
                 out.iter_mut().zip(&self.scratch).for_each(|(out, a)| *out *= a);
                 if t < 3 {
                     squares += self.scratch.iter().zip(weights).map(|(a, w)| w * a * a).sum::<f32>();
