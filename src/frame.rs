@@ -7,6 +7,7 @@
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
+use std::borrow::Cow;
 
 /// What a feature buffer describes; the name under which reports and maps list it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
@@ -70,15 +71,41 @@ pub struct Motion {
 
 /// A noisy picture with everything known about it. Built from the colour by [`Frame::new`] and the
 /// `with_…` methods, each of which checks sizes, so that the stages need not.
+///
+/// The denoiser takes a frame or a reference to one: of a frame that it is given it lets every plane go that it
+/// has no more use for, which is a third of the memory of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    color: Rgb,
-    color_var_of_mean: Option<Rgb>,
-    halves: Option<[Rgb; 2]>,
-    features: Vec<Feature>,
-    aovs: Vec<Aov>,
-    motion: Option<Motion>,
+    pub(crate) color: Rgb,
+    pub(crate) color_var_of_mean: Option<Rgb>,
+    pub(crate) halves: Option<[Rgb; 2]>,
+    pub(crate) features: Vec<Feature>,
+    pub(crate) aovs: Vec<Aov>,
+    pub(crate) motion: Option<Motion>,
     spp: Option<f32>,
+}
+
+impl<'a> From<&'a Frame> for Cow<'a, Frame> {
+    fn from(frame: &'a Frame) -> Self {
+        Cow::Borrowed(frame)
+    }
+}
+
+impl From<Frame> for Cow<'_, Frame> {
+    fn from(frame: Frame) -> Self {
+        Cow::Owned(frame)
+    }
+}
+
+/// What kinds of planes a frame has, without the planes.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Outline {
+    /// Width and height.
+    pub size: (usize, usize),
+    /// The features' names and how many planes each has.
+    pub features: Vec<(String, usize)>,
+    /// The AOVs' names.
+    pub aovs: Vec<String>,
 }
 
 impl Frame {
@@ -222,6 +249,15 @@ impl Frame {
     /// The motion towards the frames beside this one, where known.
     pub fn motion(&self) -> Option<&Motion> {
         self.motion.as_ref()
+    }
+
+    pub(crate) fn outline(&self) -> Outline {
+        let features = self.features.iter().map(|feature| (feature.name.clone(), feature.planes.len()));
+        Outline {
+            size: (self.width(), self.height()),
+            features: features.collect(),
+            aovs: self.aovs.iter().map(|aov| aov.name.clone()).collect(),
+        }
     }
 
     /// Samples per pixel, where known.

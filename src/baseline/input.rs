@@ -7,6 +7,7 @@ use crate::denoise::{expose as expose_all, prefilter, targets, variance};
 use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use crate::options::PrefilterOptions;
+use std::borrow::Cow;
 
 /// Kinds of features that the regressions use: those of the pipeline's default.
 const KINDS: [FeatureKind; 4] =
@@ -43,8 +44,8 @@ impl<'a> Input<'a> {
         let mut summary = Summary { method, ..Summary::default() };
         let facts = Facts::of(frame);
         let all = Rect::whole((frame.width(), frame.height()));
-        let mut clean = sanitize::apply(frame, &facts.known(), all, &mut summary);
-        let mut variance = variance::of_mean(&clean, &mut summary);
+        let mut clean = sanitize::apply(frame.into(), &facts.known(), all, &mut summary);
+        let mut variance = variance::of_mean(&mut clean, &mut summary);
         let exposure = facts.exposure();
         expose_all(&mut clean, &mut variance, exposure);
         Self { frame, facts, clean, variance, exposure, summary }
@@ -87,7 +88,7 @@ impl<'a> Input<'a> {
         let (mut planes, mut columns) = (vec![], vec![]);
         for (f, feature) in self.feature_list() {
             let noisy = self.facts.feature_is_noisy(f);
-            for (i, plane) in prefilter::apply(feature, noisy, options).into_iter().enumerate() {
+            for (i, plane) in prefilter::apply(Cow::Borrowed(feature), noisy, options).into_iter().enumerate() {
                 if !self.facts.feature_is_constant(f, i) {
                     columns.push(format!("{}.{i}", feature.name));
                     planes.push(plane);

@@ -26,6 +26,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::options::{Options, PrefilterOptions, replaced};
 use serde::{Deserialize, Deserializer, Serialize};
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
 /// A way to denoise a frame.
@@ -175,7 +176,7 @@ impl Denoiser {
     ///
     /// # Errors
     /// When an option is out of its range.
-    pub fn denoise(&self, frame: &Frame, observer: &dyn Observer) -> Result<Denoised> {
+    pub fn denoise<'a>(&self, frame: impl Into<Cow<'a, Frame>>, observer: &dyn Observer) -> Result<Denoised> {
         self.denoise_in_sequence(frame, &Neighbours::default(), observer)
     }
 
@@ -184,18 +185,18 @@ impl Denoiser {
     ///
     /// # Errors
     /// When an option is out of its range.
-    pub fn denoise_in_sequence(
+    pub fn denoise_in_sequence<'a>(
         &self,
-        frame: &Frame,
+        frame: impl Into<Cow<'a, Frame>>,
         neighbours: &Neighbours<'_>,
         observer: &dyn Observer,
     ) -> Result<Denoised> {
         match self {
             Self::Apr(options) => denoise_in_sequence(frame, neighbours, options, observer),
-            Self::Nlm(options) => nlm::denoise(frame, options),
-            Self::Lp(options) => lp::denoise(frame, options),
-            Self::Wavelet(options) => wavelet::denoise(frame, options),
-            Self::Nfor(options) => nfor::denoise(frame, options),
+            Self::Nlm(options) => nlm::denoise(&frame.into(), options),
+            Self::Lp(options) => lp::denoise(&frame.into(), options),
+            Self::Wavelet(options) => wavelet::denoise(&frame.into(), options),
+            Self::Nfor(options) => nfor::denoise(&frame.into(), options),
             Self::Student(options) => {
                 let mut denoised = denoise_in_sequence(frame, neighbours, options, observer)?;
                 denoised.summary.method = Method::Student.name();
@@ -209,9 +210,9 @@ impl Denoiser {
     /// # Errors
     /// When an option is out of its range, the frame is not of the part's size, or the method is not the
     /// pipeline and needs the whole picture.
-    pub fn denoise_part(
+    pub fn denoise_part<'a>(
         &self,
-        frame: &Frame,
+        frame: impl Into<Cow<'a, Frame>>,
         part: &Part,
         facts: &Facts,
         observer: &dyn Observer,

@@ -29,7 +29,7 @@ pub(crate) mod weights;
 pub(crate) mod window;
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Aov, Denoised, FeatureKind, Frame, Summary};
+use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Outline, Summary};
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::Options;
 use energy::Energy;
@@ -86,7 +86,7 @@ impl Observer for Silent {}
 ///
 /// # Errors
 /// When an option is out of its range.
-pub fn denoise(frame: &Frame, options: &Options) -> Result<Denoised> {
+pub fn denoise<'a>(frame: impl Into<Cow<'a, Frame>>, options: &Options) -> Result<Denoised> {
     denoise_observed(frame, options, &Silent)
 }
 
@@ -94,23 +94,28 @@ pub fn denoise(frame: &Frame, options: &Options) -> Result<Denoised> {
 ///
 /// # Errors
 /// When an option is out of its range.
-pub fn denoise_observed(frame: &Frame, options: &Options, observer: &dyn Observer) -> Result<Denoised> {
-    let part = Part::whole((frame.width(), frame.height()));
-    denoise_part(frame, &part, &Facts::of(frame), options, observer)
+pub fn denoise_observed<'a>(
+    frame: impl Into<Cow<'a, Frame>>,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Denoised> {
+    denoise_in_sequence(frame, &Neighbours::default(), options, observer)
 }
 
 /// Denoises `frame` with the samples of the frames beside it.
 ///
 /// # Errors
 /// When an option is out of its range.
-pub fn denoise_in_sequence(
-    frame: &Frame,
+pub fn denoise_in_sequence<'a>(
+    frame: impl Into<Cow<'a, Frame>>,
     neighbours: &Neighbours<'_>,
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Denoised> {
+    let frame = frame.into();
     let part = Part::whole((frame.width(), frame.height()));
-    run(frame, neighbours, &part, &Facts::of(frame), options, observer)
+    let facts = Facts::of(&frame);
+    run(frame, neighbours, &part, &facts, options, observer)
 }
 
 /// Denoises the pixels `part.wanted` of a picture of which `facts` are known; `frame` holds the pixels
@@ -118,18 +123,18 @@ pub fn denoise_in_sequence(
 ///
 /// # Errors
 /// When an option is out of its range, or the frame is not of the part's size.
-pub fn denoise_part(
-    frame: &Frame,
+pub fn denoise_part<'a>(
+    frame: impl Into<Cow<'a, Frame>>,
     part: &Part,
     facts: &Facts,
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Denoised> {
-    run(frame, &Neighbours::default(), part, facts, options, observer)
+    run(frame.into(), &Neighbours::default(), part, facts, options, observer)
 }
 
 fn run(
-    frame: &Frame,
+    frame: Cow<'_, Frame>,
     neighbours: &Neighbours<'_>,
     part: &Part,
     facts: &Facts,
@@ -137,15 +142,15 @@ fn run(
     observer: &dyn Observer,
 ) -> Result<Denoised> {
     options.check()?;
-    part.check(frame)?;
-    let wanted = part.within();
+    part.check(&frame)?;
+    let (wanted, outline) = (part.within(), frame.outline());
     let mut summary = Summary { method: "apr", ..Summary::default() };
 
     if !facts.has_noise() {
         observer.stage(Stage::Sanitize);
         let clean = sanitize::apply(frame, &facts.known(), wanted, &mut summary);
         summary.notes.push("nothing to do: the picture has no noise".into());
-        return Ok(unchanged(frame, clean, wanted, summary));
+        return Ok(unchanged(outline, clean, wanted, summary));
     }
     let exposure = facts.exposure();
     let ready = prepare(frame, facts, &facts.known(), options, wanted, observer, &mut summary);
@@ -157,13 +162,13 @@ fn run(
     });
     // A frame beside is brought to this one's exposure and columns.
     let warped = temporal::warped(
-        frame,
+        &outline,
         &ready,
         neighbours,
         options,
         |other| {
             let known = Facts::of(other).known();
-            prepare(other, facts, &known, options, wanted, &Silent, &mut Summary::default())
+            prepare(other.into(), facts, &known, options, wanted, &Silent, &mut Summary::default())
         },
         &mut summary,
     );
@@ -218,7 +223,7 @@ fn run(
     exposure::expose(&mut result.mse, exposure.recip().powi(2));
     // A factor out of range makes 0·∞, which is no number: min takes the other.
     result.mse.change(|v| v.min(f32::MAX));
-    Ok(assemble(frame, result, wanted, summary))
+    Ok(assemble(outline, result, wanted, summary))
 }
 
 /// A frame with everything that is known of it before the fits, exposed.
@@ -253,7 +258,7 @@ struct Repaired<'a> {
 
 /// The stages that look at single pixels.
 fn repair<'a>(
-    frame: &'a Frame,
+    frame: Cow<'a, Frame>,
     exposure: f32,
     known: &Known,
     options: &Options,
@@ -264,7 +269,7 @@ fn repair<'a>(
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
     let mut clean = sanitize::apply(frame, known, wanted, summary);
-    let mut variance = variance::of_mean(&clean, summary);
+    let mut variance = variance::of_mean(&mut clean, summary);
     expose(&mut clean, &mut variance, exposure);
 
     // Outliers go, their energy is kept (Moon et al. 2016).
@@ -291,7 +296,7 @@ impl Facts {
         part.check(frame)?;
         let (known, nothing) = (self.known(), &mut Summary::default());
         let Repaired { clean, outliers, taken, .. } =
-            repair(frame, self.exposure(), &known, options, part.within(), &Silent, nothing);
+            repair(frame.into(), self.exposure(), &known, options, part.within(), &Silent, nothing);
         let energy = self.energy.get_or_insert_default();
         energy.add(&clean.color, &outliers, &taken, part.within(), part.wanted.y);
         Ok(())
@@ -314,7 +319,7 @@ fn energy<'a>(facts: &'a Facts, ready: &Ready<'_>, part: &Part) -> Result<Cow<'a
 
 /// All stages before the fits.
 fn prepare<'a>(
-    frame: &'a Frame,
+    frame: Cow<'a, Frame>,
     facts: &Facts,
     known: &Known,
     options: &Options,
@@ -322,10 +327,11 @@ fn prepare<'a>(
     observer: &dyn Observer,
     summary: &mut Summary,
 ) -> Ready<'a> {
-    let Repaired { clean, variance, outliers, taken } =
+    let Repaired { mut clean, variance, outliers, taken } =
         repair(frame, facts.exposure(), known, options, wanted, observer, summary);
     observer.stage(Stage::Prefilter);
-    let (design, spreads, albedo) = design_features(&clean, facts, known, options, summary);
+    let features = std::mem::take(&mut clean.features);
+    let (design, spreads, albedo) = design_features(features, facts, known, options, summary);
     let smoothed = std::array::from_fn(|c| variance::smooth(&variance[c], options.variance_radius));
     Ready { clean, variance, smoothed, outliers, taken, design, spreads, albedo }
 }
@@ -364,17 +370,20 @@ fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean<'_>, variance: &R
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
 /// floor added, that demodulated kernels divide by. The spreads tell which planes are of one feature.
 fn design_features(
-    clean: &Clean<'_>,
+    features: Vec<Cow<'_, Feature>>,
     facts: &Facts,
     known: &Known,
     options: &Options,
     summary: &mut Summary,
 ) -> (Vec<Design>, Vec<Spread>, Option<Rgb>) {
     let (mut design, mut spreads, mut albedo) = (vec![], vec![], None);
-    let features = clean.features.iter().enumerate();
-    for (f, feature) in features.filter(|(_, feature)| options.features.contains(&feature.kind)) {
+    let (asked, others): (Vec<_>, Vec<_>) =
+        features.into_iter().enumerate().partition(|(_, feature)| options.features.contains(&feature.kind));
+    drop(others);
+    for (f, feature) in asked {
+        let (name, kind) = (feature.name.clone(), feature.kind);
         let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
-        if let (FeatureKind::Albedo, [r, g, b]) = (feature.kind, &filtered[..]) {
+        if let (FeatureKind::Albedo, [r, g, b]) = (kind, &filtered[..]) {
             let floored = |plane: &Plane| {
                 Plane::par_from_fn(plane.width(), plane.height(), |x, y| {
                     plane.get(x, y).clamp(0.0, LARGEST_ALBEDO) + options.albedo_floor
@@ -384,13 +393,13 @@ fn design_features(
         }
         let mut spread = Spread { planes: 0, variance: 0.0 };
         for (i, plane) in filtered.into_iter().enumerate() {
-            let name = format!("{}.{i}", feature.name);
+            let name = format!("{name}.{i}");
             if facts.feature_is_constant(f, i) {
                 let why = if known.features[f].planes[i] { "constant" } else { "a number at no pixel" };
                 summary.notes.push(format!("feature {name}: left out, it is {why}"));
             } else {
                 summary.columns.push(name);
-                design.push(Design { kind: feature.kind, plane });
+                design.push(Design { kind, plane });
                 spread.planes += 1;
                 spread.variance += facts.feature_spread(f, i);
             }
@@ -419,13 +428,12 @@ pub(crate) fn expose(clean: &mut Clean<'_>, variance: &mut Rgb, factor: f32) {
     variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
 }
 
-fn unchanged(frame: &Frame, clean: Clean<'_>, wanted: Rect, summary: Summary) -> Denoised {
+fn unchanged(outline: Outline, clean: Clean<'_>, wanted: Rect, summary: Summary) -> Denoised {
     let none = || Plane::filled(wanted.width, wanted.height, 0.0);
     let cut = |color: Rgb| color.map(|plane| plane.into_part(wanted));
-    let names = frame.aovs().iter().map(|aov| aov.name.clone());
     Denoised {
         color: cut(clean.color),
-        aovs: names.zip(clean.aovs).map(|(name, color)| Aov { name, color: cut(color) }).collect(),
+        aovs: outline.aovs.into_iter().zip(clean.aovs).map(|(name, color)| Aov { name, color: cut(color) }).collect(),
         mse: none(),
         order: none(),
         sampling_priority: None,
@@ -433,12 +441,12 @@ fn unchanged(frame: &Frame, clean: Clean<'_>, wanted: Rect, summary: Summary) ->
     }
 }
 
-fn assemble(frame: &Frame, result: reconstruct::Stage, wanted: Rect, summary: Summary) -> Denoised {
+fn assemble(outline: Outline, result: reconstruct::Stage, wanted: Rect, summary: Summary) -> Denoised {
     let mut planes = result.targets.into_iter().map(|plane| plane.into_part(wanted));
     let mut next =
         || -> Rgb { std::array::from_fn(|_| planes.next().expect("three planes for every picture")) };
     let color = next();
-    let aovs = frame.aovs().iter().map(|aov| Aov { name: aov.name.clone(), color: next() }).collect();
+    let aovs = outline.aovs.into_iter().map(|name| Aov { name, color: next() }).collect();
     let [mse, order] = [result.mse, result.order].map(|plane| plane.into_part(wanted));
     Denoised { color, aovs, mse, order, sampling_priority: None, summary }
 }

@@ -13,9 +13,9 @@ use std::borrow::Cow;
 
 /// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are; `noisy`
 /// tells whether it says so of any pixel of the whole picture.
-pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<Plane> {
+pub fn apply(feature: Cow<'_, Feature>, noisy: bool, options: &PrefilterOptions) -> Vec<Plane> {
     if !options.enabled || !noisy {
-        return feature.planes.clone();
+        return planes(feature);
     }
     let variances = match (&feature.var_of_mean, &feature.halves) {
         (Some(given), _) => Cow::Borrowed(given),
@@ -23,8 +23,16 @@ pub fn apply(feature: &Feature, noisy: bool, options: &PrefilterOptions) -> Vec<
             let pairs = a.iter().zip(b);
             Cow::Owned(pairs.map(|(a, b)| variance::smooth(&variance::from_halves(a, b), 1)).collect())
         }
-        (None, None) => return feature.planes.clone(),
+        (None, None) => return planes(feature),
     };
     let PrefilterOptions { window_radius, patch_radius, bandwidth, .. } = *options;
     nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth)
+}
+
+/// The planes of a feature, copied only where it is not given away.
+fn planes(feature: Cow<'_, Feature>) -> Vec<Plane> {
+    match feature {
+        Cow::Borrowed(feature) => feature.planes.clone(),
+        Cow::Owned(feature) => feature.planes,
+    }
 }

@@ -8,7 +8,7 @@
 //! the mean.
 
 use super::facts::{Known, KnownFeature};
-use crate::frame::{Feature, FeatureKind, Frame, Summary};
+use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -41,6 +41,32 @@ pub struct Clean<'a> {
     pub aovs: Vec<Rgb>,
     /// Features, their variances ≥ 0; the frame's own where there was nothing to repair.
     pub features: Vec<Cow<'a, Feature>>,
+    /// Motion vectors, as they are.
+    pub motion: Option<Cow<'a, Motion>>,
+}
+
+impl<'a> Clean<'a> {
+    /// The planes of a frame as they are, copied only where it is not given away.
+    fn of(frame: Cow<'a, Frame>) -> Self {
+        match frame {
+            Cow::Borrowed(frame) => Self {
+                color: frame.color.clone(),
+                variance: frame.color_var_of_mean.clone(),
+                halves: frame.halves.clone(),
+                aovs: frame.aovs.iter().map(|aov| aov.color.clone()).collect(),
+                features: frame.features.iter().map(Cow::Borrowed).collect(),
+                motion: frame.motion.as_ref().map(Cow::Borrowed),
+            },
+            Cow::Owned(Frame { color, color_var_of_mean: variance, halves, aovs, features, motion, .. }) => Self {
+                color,
+                variance,
+                halves,
+                aovs: aovs.into_iter().map(|Aov { color, .. }| color).collect(),
+                features: features.into_iter().map(Cow::Owned).collect(),
+                motion: motion.map(Cow::Owned),
+            },
+        }
+    }
 }
 
 /// Whether a radiance is a number that the method can take.
@@ -71,14 +97,16 @@ pub fn good_feature_variance(value: f32) -> bool {
 /// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Planes
 /// that are a number nowhere in the whole picture, as it is `known`, are left out: of the colour and the AOVs
 /// such a channel is black, of the features such a plane is 0, statistics are done without.
-pub(crate) fn apply<'a>(frame: &'a Frame, known: &Known, counted: Rect, summary: &mut Summary) -> Clean<'a> {
-    let mut clean = Clean {
-        color: frame.color().clone(),
-        variance: frame.color_var_of_mean().filter(|_| known.variance).cloned(),
-        halves: frame.halves().filter(|_| known.halves).cloned(),
-        aovs: frame.aovs().iter().map(|aov| aov.color.clone()).collect(),
-        features: vec![],
-    };
+pub(crate) fn apply<'a>(
+    frame: Cow<'a, Frame>,
+    known: &Known,
+    counted: Rect,
+    summary: &mut Summary,
+) -> Clean<'a> {
+    let left_out = left_out(&frame, known);
+    let mut clean = Clean::of(frame);
+    clean.variance.take_if(|_| !known.variance);
+    clean.halves.take_if(|_| !known.halves);
     blacken(&mut clean.color, &known.color);
     let bad_color = bad_pixels(&clean.color, good_radiance);
     summary.repaired_color = repair(clean.color.iter_mut(), &bad_color, counted);
@@ -98,7 +126,7 @@ pub(crate) fn apply<'a>(frame: &'a Frame, known: &Known, counted: Rect, summary:
         let bad = bad_pixels(&*variance, good_variance);
         summary.repaired_variance = repair(variance.iter_mut(), &bad, counted);
     }
-    let features = frame.features().par_iter().zip(&known.features);
+    let features = std::mem::take(&mut clean.features).into_par_iter().zip(&known.features);
     let repaired: Vec<_> = features.map(|(feature, known)| repair_feature(feature, known, counted)).collect();
     for (feature, [planes, halves, variances]) in repaired {
         clean.features.push(feature);
@@ -106,7 +134,7 @@ pub(crate) fn apply<'a>(frame: &'a Frame, known: &Known, counted: Rect, summary:
         summary.repaired_halves += halves;
         summary.repaired_variance += variances;
     }
-    summary.notes.extend(left_out(frame, known));
+    summary.notes.extend(left_out);
     clean
 }
 
@@ -123,14 +151,14 @@ fn negative(color: &Rgb, counted: Rect) -> usize {
 
 /// The feature repaired, and how many of the counted pixels were bad in its planes, halves and variances.
 fn repair_feature<'a>(
-    feature: &'a Feature,
+    feature: Cow<'a, Feature>,
     known: &KnownFeature,
     counted: Rect,
 ) -> (Cow<'a, Feature>, [usize; 3]) {
-    if is_fine(feature, known) {
-        return (Cow::Borrowed(feature), [0; 3]);
+    if is_fine(&feature, known) {
+        return (feature, [0; 3]);
     }
-    let mut feature = feature.clone();
+    let mut feature = feature.into_owned();
     let kind = feature.kind;
     let good = |v: f32| good_feature(kind, v);
     blacken(&mut feature.planes, &known.planes);
@@ -274,7 +302,7 @@ mod tests {
 
     fn applied<'a>(frame: &'a Frame, summary: &mut Summary) -> Clean<'a> {
         let all = Rect::whole((frame.width(), frame.height()));
-        apply(frame, &Facts::of(frame).known(), all, summary)
+        apply(frame.into(), &Facts::of(frame).known(), all, summary)
     }
 
     fn repair_one(plane: &mut Plane, counted: Rect) -> usize {

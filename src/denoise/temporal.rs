@@ -7,7 +7,7 @@ use super::signal::Guides;
 use super::solver::Beside as Samples;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
 use super::{Design, Ready, targets, variance};
-use crate::frame::{Beside, FeatureKind, Frame, Motion, Summary};
+use crate::frame::{Beside, FeatureKind, Frame, Motion, Outline, Summary};
 use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::Options;
 
@@ -73,10 +73,10 @@ impl Side {
     }
 }
 
-/// Brings all of `neighbours` that can be used to the pixels of `frame`, of which `ready` was made, and
+/// Brings all of `neighbours` that can be used to the pixels of the frame of this `outline`, of which `ready` was made, and
 /// says in `summary` which they are and why others are not.
 pub(super) fn warped(
-    frame: &Frame,
+    outline: &Outline,
     ready: &Ready<'_>,
     neighbours: &Neighbours<'_>,
     options: &Options,
@@ -86,16 +86,17 @@ pub(super) fn warped(
     let mut found = vec![];
     for (side, frames, sign) in [(Side::Before, &neighbours.before, -1), (Side::After, &neighbours.after, 1)]
     {
-        let (mut flow, mut last) = (Flow::still((frame.width(), frame.height())), frame);
+        let motion = ready.clean.motion.as_deref();
+        let (mut flow, mut last) = (Flow::still(outline.size), motion);
         for (n, neighbour) in frames.iter().enumerate() {
             let offset = sign * (n as i32 + 1);
-            if let Err(why) = comparable(frame, neighbour) {
+            if let Err(why) = comparable(outline, &neighbour.outline()) {
                 summary
                     .notes
                     .push(format!("the frame at {offset:+} and those beyond it are not used: {why}"));
                 break;
             }
-            match (side.vectors(last.motion()), frame.motion()) {
+            match (side.vectors(last), motion) {
                 (Some(vectors), _) => {
                     flow = flow.further(vectors, side.back().vectors(neighbour.motion()));
                 }
@@ -111,28 +112,27 @@ pub(super) fn warped(
             let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
             summary.beside.push(Beside { offset, trusted: trusted as f32 });
             found.push(warped);
-            last = neighbour;
+            last = neighbour.motion();
         }
     }
     found
 }
 
 /// Whether two frames have the same kinds of planes.
-fn comparable(frame: &Frame, other: &Frame) -> Result<(), String> {
-    let size = |frame: &Frame| (frame.width(), frame.height());
-    if size(frame) != size(other) {
-        let ((w, h), (ow, oh)) = (size(frame), size(other));
+fn comparable(frame: &Outline, other: &Outline) -> Result<(), String> {
+    if frame.size != other.size {
+        let ((w, h), (ow, oh)) = (frame.size, other.size);
         return Err(format!("it is {ow}×{oh} where this one is {w}×{h}"));
     }
-    let features = |frame: &Frame| -> Vec<String> {
-        frame.features().iter().map(|f| format!("{} ({})", f.name, f.planes.len())).collect()
-    };
-    if features(frame) != features(other) {
-        let (has, wanted) = (features(other).join(", "), features(frame).join(", "));
+    if frame.features != other.features {
+        let list = |outline: &Outline| {
+            let features = outline.features.iter().map(|(name, planes)| format!("{name} ({planes})"));
+            features.collect::<Vec<_>>().join(", ")
+        };
+        let (has, wanted) = (list(other), list(frame));
         return Err(format!("its features are '{has}' where this one's are '{wanted}'"));
     }
-    let aovs = |frame: &Frame| frame.aovs().iter().map(|aov| aov.name.clone()).collect::<Vec<_>>();
-    if aovs(frame) != aovs(other) {
+    if frame.aovs != other.aovs {
         return Err("it has other components".to_owned());
     }
     Ok(())

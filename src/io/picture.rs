@@ -68,6 +68,11 @@ impl Picture {
         &self.frame
     }
 
+    /// What the denoiser gets, and what it takes to write the result.
+    pub fn into_frame(self) -> (Survey, Frame) {
+        (self.survey, self.frame)
+    }
+
     /// The samples of each pixel, where the file tells; in any unit (Cycles writes shares).
     pub fn sample_counts(&self) -> Option<&Plane> {
         self.counts.as_ref()

@@ -13,7 +13,7 @@ use apr::{Denoised, Frame, Options};
 use crate::arguments::Arguments;
 use crate::clock::Clock;
 use crate::plan::Job;
-use crate::report::ErrorSums;
+use crate::report::{ErrorSums, input_error};
 use crate::shot::Shot;
 
 /// Fewest rows of a band: less would be nearly nothing but halo.
@@ -70,12 +70,22 @@ pub enum Input {
     Parts(Box<Surveyed>),
 }
 
+/// What is left of a render that was denoised: all that it takes to write the result.
+pub enum Used {
+    /// With the planes as they were read, for those who have a use for them.
+    Whole(Shot),
+    /// The denoiser has used up the planes; the result is of a region of it.
+    Survey(Box<Survey>, Option<Rect>),
+}
+
 /// A render that is denoised in parts.
 pub struct Surveyed {
     survey: Survey,
     facts: Facts,
     /// The pixels that the result holds.
     target: Rect,
+    /// The same, where they are a region that was asked for.
+    region: Option<Rect>,
     parts: Vec<Part>,
 }
 
@@ -117,46 +127,59 @@ impl Input {
         }
     }
 
-    /// Without what is of no use once it is denoised.
-    pub fn denoised(self) -> Self {
+    /// Denoises it. The planes as they were read are given up, but where they are to be `kept` or other frames have a
+    /// use for them.
+    pub fn denoise(self, denoiser: &Denoiser, clock: &Clock, kept: bool) -> Result<(Used, Output)> {
+        let shot = match self {
+            Self::Parts(surveyed) => {
+                let output = surveyed.denoise(denoiser, clock)?;
+                return Ok((Used::Survey(Box::new(surveyed.survey), surveyed.region), output));
+            }
+            Self::Whole(shot) => shot,
+        };
+        let (used, input, denoised) = match if kept { Err(shot) } else { shot.into_picture() } {
+            Ok(picture) => {
+                let (survey, frame) = picture.into_frame();
+                let input = input_error(&frame);
+                (Used::Survey(Box::new(survey), None), input, denoiser.denoise(frame, clock)?)
+            }
+            Err(shot) => {
+                let frame = shot.picture.frame();
+                let denoised = denoiser.denoise_in_sequence(frame, &shot.neighbours(), clock)?;
+                let input = input_error(frame);
+                (Used::Whole(shot.alone()), input, denoised)
+            }
+        };
+        let mut error = ErrorSums::default();
+        error.add(input.as_ref(), Rect::whole(denoised.mse.size()), &denoised);
+        Ok((used, Output { denoised, error, parts: 1 }))
+    }
+}
+
+impl Used {
+    pub fn layout(&self) -> &Layout {
         match self {
-            Self::Whole(shot) => Self::Whole(shot.alone()),
-            parts @ Self::Parts(_) => parts,
+            Self::Whole(shot) => shot.picture.layout(),
+            Self::Survey(survey, _) => survey.layout(),
         }
     }
 
     pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
         match self {
             Self::Whole(shot) => shot.picture.sums(denoised),
-            Self::Parts(surveyed) => surveyed.survey.sums(denoised),
+            Self::Survey(survey, _) => survey.sums(denoised),
         }
     }
 
-    pub fn denoise(&self, denoiser: &Denoiser, clock: &Clock) -> Result<Output> {
+    pub fn write(&self, job: &Job, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         match self {
             Self::Whole(shot) => {
-                let frame = shot.picture.frame();
-                let denoised = denoiser.denoise_in_sequence(frame, &shot.neighbours(), clock)?;
-                let mut error = ErrorSums::default();
-                error.add(frame, Rect::whole((frame.width(), frame.height())), &denoised);
-                Ok(Output { denoised, error, parts: 1 })
-            }
-            Self::Parts(surveyed) => surveyed.denoise(denoiser, clock),
-        }
-    }
-
-    pub fn write(&self, job: &Job, denoised: &Denoised, arguments: &Arguments) -> Result<Vec<String>> {
-        match self {
-            Self::Whole(shot) => {
-                let mut notes = shot.picture.write(&job.output, denoised, arguments.aux)?;
+                let mut notes = shot.picture.write(&job.output, denoised, aux)?;
                 notes.extend(shot.note());
                 Ok(notes)
             }
-            Self::Parts(surveyed) if arguments.region.is_some() => {
-                let Surveyed { survey, target, .. } = &**surveyed;
-                survey.write_region(&job.output, *target, denoised, arguments.aux)
-            }
-            Self::Parts(surveyed) => surveyed.survey.write(&job.output, denoised, arguments.aux),
+            Self::Survey(survey, None) => survey.write(&job.output, denoised, aux),
+            Self::Survey(survey, Some(region)) => survey.write_region(&job.output, *region, denoised, aux),
         }
     }
 }
@@ -197,7 +220,8 @@ impl Surveyed {
                 facts.add_outliers(&survey.read(part.read)?, &part, options)?;
             }
         }
-        Ok(Self { survey, facts, target, parts })
+        let region = arguments.region.map(|_| target);
+        Ok(Self { survey, facts, target, region, parts })
     }
 
     fn denoise(&self, denoiser: &Denoiser, clock: &Clock) -> Result<Output> {
@@ -208,12 +232,13 @@ impl Surveyed {
                 clock.begin(&format!("band {} of {}", n + 1, self.parts.len()));
             }
             let frame = self.survey.read(part.read)?;
+            let input = input_error(&frame);
             let denoised = if self.parts.len() > 1 {
-                denoiser.denoise_part(&frame, part, &self.facts, &Silent)?
+                denoiser.denoise_part(frame, part, &self.facts, &Silent)?
             } else {
-                denoiser.denoise_part(&frame, part, &self.facts, clock)?
+                denoiser.denoise_part(frame, part, &self.facts, clock)?
             };
-            error.add(&frame, part.within(), &denoised);
+            error.add(input.as_ref(), part.within(), &denoised);
             match &mut whole {
                 None if self.parts.len() == 1 => whole = Some(denoised),
                 None => whole = Some(denoised.begin(self.target.size())),

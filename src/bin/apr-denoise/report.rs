@@ -2,14 +2,14 @@
 
 use apr::baseline::Denoiser;
 use apr::denoise::Stage;
-use apr::image::Rect;
+use apr::image::{Plane, Rect};
 use apr::io::{Layout, RoleLayout, SumCheck};
 use apr::{Denoised, Frame, Options, Summary};
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
 use crate::inspect::sum_line;
-use crate::parts::{Input, Output};
+use crate::parts::{Output, Used};
 use crate::plan::Job;
 use crate::sampling::Sampling;
 use crate::sequence_report::Outcome;
@@ -65,7 +65,7 @@ pub struct EstimatedError {
 impl<'a> Report<'a> {
     /// Everything that is known after a run.
     pub fn new(
-        input: &'a Input,
+        used: &'a Used,
         denoiser: &'a Denoiser,
         output: &'a Output,
         stages: Vec<Cost>,
@@ -73,7 +73,7 @@ impl<'a> Report<'a> {
         job: &Job,
         sampling: Option<&'a Sampling>,
     ) -> Self {
-        let (layout, denoised) = (input.layout(), &output.denoised);
+        let (layout, denoised) = (used.layout(), &output.denoised);
         let skipped =
             denoiser.pipeline().map_or_else(Vec::new, |options| skipped(layout, options, &denoised.summary));
         let ran = |cost: &Cost| skipped.iter().all(|skipped| skipped.stage != cost.stage);
@@ -91,7 +91,7 @@ impl<'a> Report<'a> {
             skipped,
             summary: &denoised.summary,
             estimated_error: output.error.mean(),
-            sums: input.sums(denoised),
+            sums: used.sums(denoised),
             sampling,
             notes,
         }
@@ -168,21 +168,21 @@ impl Mean {
 }
 
 impl ErrorSums {
-    /// Adds the pixels `within` a frame, which `denoised` holds.
-    pub fn add(&mut self, frame: &Frame, within: Rect, denoised: &Denoised) {
+    /// Adds the pixels `within` a frame, which `denoised` holds; `input` is the frame's [`input_error`].
+    pub fn add(&mut self, input: Option<&Plane>, within: Rect, denoised: &Denoised) {
         /// The same as in relMSE: keeps black pixels from deciding everything.
         const EPSILON: f64 = 0.01;
-        let input = input_error(frame);
         for (x, y) in within.pixels() {
             let (out_x, out_y) = (x - within.x, y - within.y);
             let color = denoised.color.iter().map(|plane| f64::from(plane.get(out_x, out_y)));
             let scale = (color.sum::<f64>() / 3.0).powi(2) + EPSILON;
-            let add = |means: &mut [Mean; 2], error: f64| {
+            let add = |means: &mut [Mean; 2], error: f32| {
+                let error = f64::from(error);
                 means.iter_mut().zip([error, error / scale]).for_each(|(mean, error)| mean.add(error));
             };
-            add(&mut self.after, f64::from(denoised.mse.get(out_x, out_y)));
-            if let Some(input) = &input {
-                add(&mut self.before, input(y * frame.width() + x));
+            add(&mut self.after, denoised.mse.get(out_x, out_y));
+            if let Some(input) = input {
+                add(&mut self.before, input.get(x, y));
             }
         }
     }
@@ -195,14 +195,16 @@ impl ErrorSums {
     }
 }
 
-/// The input's squared error at a pixel: its variance, or that of the mean of two halves, `(A−B)²/4`.
-fn input_error(frame: &Frame) -> Option<Box<dyn Fn(usize) -> f64 + '_>> {
-    let mean = |of: &dyn Fn(usize) -> f32| (0..3).map(|c| f64::from(of(c))).sum::<f64>() / 3.0;
+/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`.
+pub fn input_error(frame: &Frame) -> Option<Plane> {
+    let mean = |of: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
+        Plane::par_from_fn(frame.width(), frame.height(), |x, y| {
+            ((0..3).map(|c| f64::from(of(c, x, y))).sum::<f64>() / 3.0) as f32
+        })
+    };
     match (frame.color_var_of_mean(), frame.halves()) {
-        (Some(variance), _) => Some(Box::new(move |i| mean(&|c| variance[c].data()[i]))),
-        (None, Some([a, b])) => {
-            Some(Box::new(move |i| mean(&|c| (a[c].data()[i] - b[c].data()[i]).powi(2) / 4.0)))
-        }
+        (Some(variance), _) => Some(mean(&|c, x, y| variance[c].get(x, y))),
+        (None, Some([a, b])) => Some(mean(&|c, x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0)),
         (None, None) => None,
     }
 }

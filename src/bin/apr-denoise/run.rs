@@ -18,7 +18,7 @@ use apr::io::{self, Picture};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
-use crate::parts::{Input, Output};
+use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
 use crate::progress::{self, Progress};
 use crate::report::Report;
@@ -126,7 +126,7 @@ impl<'a> Run<'a> {
     fn denoise_all(
         &'a self,
         inputs: &Receiver<Step<'a, Input>>,
-        next: &SyncSender<Step<'a, (Input, Output)>>,
+        next: &SyncSender<Step<'a, (Used, Output)>>,
     ) {
         for Step { index, clock, content: input } in inputs {
             if index > self.last.load(Ordering::Relaxed) {
@@ -136,20 +136,22 @@ impl<'a> Run<'a> {
                 if self.denoiser.pipeline().is_none() {
                     clock.begin(self.denoiser.method().name()); // which tells of no stages
                 }
-                let output = input.denoise(self.denoiser, &clock);
+                let job = &self.plan.jobs[index];
+                let sampled = job.sampling_map.is_some() || self.arguments.target_error.is_some();
+                let output = input.denoise(self.denoiser, &clock, sampled);
                 clock.pause();
                 output
             });
-            let Some(output) = output else { continue };
-            if next.send(Step { index, clock, content: (input.denoised(), output) }).is_err() {
+            let Some(content) = output else { continue };
+            if next.send(Step { index, clock, content }).is_err() {
                 return;
             }
         }
     }
 
-    fn write_all(&self, results: &Receiver<Step<'a, (Input, Output)>>) {
-        for Step { index, clock, content: (input, output) } in results {
-            let written = self.tried(index, || self.write(&self.plan.jobs[index], &input, &output, clock));
+    fn write_all(&self, results: &Receiver<Step<'a, (Used, Output)>>) {
+        for Step { index, clock, content: (used, output) } in results {
+            let written = self.tried(index, || self.write(&self.plan.jobs[index], &used, &output, clock));
             if let Some(outcome) = written {
                 self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
             }
@@ -162,21 +164,21 @@ impl<'a> Run<'a> {
         Ok(picture)
     }
 
-    fn write(&self, job: &Job, input: &Input, output: &Output, clock: Clock) -> Result<Outcome> {
+    fn write(&self, job: &Job, used: &Used, output: &Output, clock: Clock) -> Result<Outcome> {
         clock.begin("write");
-        let sampling = match input {
-            Input::Whole(shot) => {
+        let sampling = match used {
+            Used::Whole(shot) => {
                 let (picture, target) = (&shot.picture, self.arguments.target_error);
                 Sampling::new(picture, self.denoiser, &output.denoised, job, target)?
             }
-            Input::Parts(_) => None,
+            Used::Survey(..) => None,
         };
-        let notes = input.write(job, &output.denoised, self.arguments)?;
+        let notes = used.write(job, &output.denoised, self.arguments.aux)?;
         let stages = clock.finish();
         if sampling.as_ref().is_some_and(|sampling| sampling.target_met == Some(false)) {
             self.target_missed.store(true, Ordering::Relaxed);
         }
-        let report = Report::new(input, self.denoiser, output, stages, notes, job, sampling.as_ref());
+        let report = Report::new(used, self.denoiser, output, stages, notes, job, sampling.as_ref());
         if let Some(path) = &job.report {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }
