@@ -88,7 +88,8 @@ impl<'a> Input<'a> {
         let (mut planes, mut columns) = (vec![], vec![]);
         for (f, feature) in self.feature_list() {
             let noisy = self.facts.feature_is_noisy(f);
-            for (i, plane) in prefilter::apply(Cow::Borrowed(feature), noisy, options).into_iter().enumerate() {
+            for (i, plane) in prefilter::apply(Cow::Borrowed(feature), noisy, options).into_iter().enumerate()
+            {
                 if !self.facts.feature_is_constant(f, i) {
                     columns.push(format!("{}.{i}", feature.name));
                     planes.push(plane);

@@ -9,6 +9,7 @@ pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;
 pub(crate) mod gram;
+mod guides;
 mod nlm;
 mod outlier;
 pub(crate) mod part;
@@ -433,7 +434,12 @@ fn unchanged(outline: Outline, clean: Clean<'_>, wanted: Rect, summary: Summary)
     let cut = |color: Rgb| color.map(|plane| plane.into_part(wanted));
     Denoised {
         color: cut(clean.color),
-        aovs: outline.aovs.into_iter().zip(clean.aovs).map(|(name, color)| Aov { name, color: cut(color) }).collect(),
+        aovs: outline
+            .aovs
+            .into_iter()
+            .zip(clean.aovs)
+            .map(|(name, color)| Aov { name, color: cut(color) })
+            .collect(),
         mse: none(),
         order: none(),
         sampling_priority: None,

@@ -57,7 +57,9 @@ impl<'a> Clean<'a> {
                 features: frame.features.iter().map(Cow::Borrowed).collect(),
                 motion: frame.motion.as_ref().map(Cow::Borrowed),
             },
-            Cow::Owned(Frame { color, color_var_of_mean: variance, halves, aovs, features, motion, .. }) => Self {
+            Cow::Owned(Frame {
+                color, color_var_of_mean: variance, halves, aovs, features, motion, ..
+            }) => Self {
                 color,
                 variance,
                 halves,

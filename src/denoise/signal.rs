@@ -1,14 +1,14 @@
 //! What the fits read, and all their stages over it.
 
 use super::basis::Basis;
+use super::guides::{Guided, Guides};
 use super::reconstruct::{self, Area};
-use super::solver::{Beside, Demodulation, Problem};
-use super::surfaces::{Spread, Surfaces};
-use super::weights::Guide;
+use super::solver::{Beside, Problem};
+use super::surfaces::Spread;
 use super::{Observer, Stage, coarse, variance};
 use crate::frame::Summary;
-use crate::image::{Plane, Rect, Rgb, sum_of_channels};
-use crate::options::{Kernel, Options};
+use crate::image::{Plane, Rgb, sum_of_channels};
+use crate::options::Options;
 use std::borrow::Cow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -57,6 +57,18 @@ impl Signal<'_> {
         }
     }
 
+    /// What pixels are compared by.
+    fn guided(&self) -> Guided<'_> {
+        Guided {
+            color: std::array::from_fn(|c| &*self.targets[c]),
+            variance: &self.variance,
+            trusted: variance::trusted,
+            albedo: self.albedo.as_ref(),
+            features: &self.features,
+            spreads: &self.spreads,
+        }
+    }
+
     /// Multi-stage reconstruction: y for μ at first, then the stage before (Moon et al. 2016).
     pub fn reconstruct(
         &self,
@@ -66,10 +78,7 @@ impl Signal<'_> {
         observer: &dyn Observer,
         summary: &mut Summary,
     ) -> reconstruct::Stage {
-        let color = std::array::from_fn(|c| &*self.targets[c]);
-        let trusted = self.variance.each_ref().map(variance::trusted);
-        let features = (&self.features[..], &self.spreads[..]);
-        let guides = Guides::new(&color, &trusted, self.albedo.as_ref(), features, options);
+        let mut guides = Guides::default();
         let basis = Basis::new(options.window_radius, self.features.len(), options.max_order);
         let noise = sum_of_channels(&self.smoothed);
         let mut stage: Option<reconstruct::Stage> = None;
@@ -77,6 +86,7 @@ impl Signal<'_> {
             observer.stage(Stage::Fit(n + 1));
             let last = n + 1 == options.stages.len();
             let pilot = stage.take().map(reconstruct::Stage::into_color);
+            guides = guides.turned_to(kernels, self.guided(), options);
             let problem = Problem {
                 // Only the last stage's operator is applied to the AOVs.
                 targets: self
@@ -89,9 +99,8 @@ impl Signal<'_> {
                 noise: &noise,
                 pilot: pilot.as_ref(),
                 features: &self.features,
-                guide: &guides.color,
-                surfaces: &guides.surfaces,
-                albedo: guides.demodulation(self.albedo.as_ref()),
+                guides: &guides,
+                albedo: self.albedo.as_ref(),
                 beside,
                 basis: &basis,
                 options,
@@ -130,52 +139,5 @@ impl Observer for AsOne<'_> {
     fn progress(&self, done: f32) {
         let before = self.begun.load(Ordering::Relaxed).saturating_sub(1);
         self.observer.progress((before as f32 + done) / self.stages as f32);
-    }
-}
-
-/// Guides for the weights: the noisy colour, and colour over albedo and the features where a kernel asks for them.
-pub struct Guides {
-    /// Of the noisy colour.
-    pub color: Guide,
-    irradiance: Option<Guide>,
-    /// Of the features; of none where no kernel asks.
-    pub surfaces: Surfaces,
-}
-
-impl Guides {
-    /// Guides of a colour and its variance, of both over the albedo, and of the design's features.
-    pub fn new(
-        color: &[&Plane; 3],
-        variance: &Rgb,
-        albedo: Option<&Rgb>,
-        (features, spreads): (&[Plane], &[Spread]),
-        options: &Options,
-    ) -> Self {
-        let (size, whole) = (color[0].size(), Rect::whole(color[0].size()));
-        let radii = [options.window_radius, options.largest_patch()];
-        let wanted = |asks: fn(&Kernel) -> bool| options.stages.iter().flatten().any(asks);
-        let irradiance = albedo.filter(|_| wanted(|kernel| kernel.demodulate)).map(|albedo| {
-            let over = |plane: &Plane, albedo: &Plane, times: usize, [x, y]: [usize; 2], out: &mut [f32]| {
-                plane.copy_row([x, y], out);
-                for (value, albedo) in out.iter_mut().zip(&albedo.row(y)[x..]) {
-                    (0..times).for_each(|_| *value /= albedo);
-                }
-            };
-            let value = |c: usize, at, out: &mut [f32]| over(color[c], &albedo[c], 1, at, out);
-            let noise = |c: usize, at, out: &mut [f32]| over(&variance[c], &albedo[c], 2, at, out);
-            Guide::of(size, whole, radii, options.tolerance, 3, value, noise)
-        });
-        let surfaces = if wanted(|kernel| kernel.feature_bandwidth.is_some()) {
-            Surfaces::new(features, spreads, options.window_radius)
-        } else {
-            Surfaces::default()
-        };
-        let color = Guide::new(color, variance, whole, radii, options.tolerance);
-        Self { color, irradiance, surfaces }
-    }
-
-    /// What demodulated kernels read, where some ask for it and there is an albedo.
-    pub fn demodulation<'a>(&'a self, albedo: Option<&'a Rgb>) -> Option<Demodulation<'a>> {
-        albedo.zip(self.irradiance.as_ref()).map(|(albedo, guide)| Demodulation { albedo, guide })
     }
 }

@@ -2,14 +2,13 @@
 
 use super::basis::Basis;
 use super::condition;
-use super::distances::{self, Compared, Distances, Kind};
+use super::distances::{self, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
+use super::guides::Guides;
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
-use super::surfaces::Surfaces;
 use super::vectors;
-use super::weights::Guide;
 use super::window::Window;
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
@@ -29,12 +28,10 @@ pub struct Problem<'a> {
     pub pilot: Option<&'a Rgb>,
     /// Feature planes.
     pub features: &'a [Plane],
-    /// Guide of the noisy colour.
-    pub guide: &'a Guide,
-    /// Guide of the features.
-    pub surfaces: &'a Surfaces,
-    /// For demodulated kernels.
-    pub albedo: Option<Demodulation<'a>>,
+    /// What the stage's kernels compare.
+    pub guides: &'a Guides,
+    /// Albedo plus its floor, for demodulated kernels.
+    pub albedo: Option<&'a Rgb>,
     /// Frames whose samples join those of this one.
     pub beside: &'a [Beside<'a>],
     /// The design.
@@ -60,24 +57,13 @@ pub struct Beside<'a> {
     /// As the problem's.
     pub features: &'a [Plane],
     /// As the problem's.
-    pub guide: &'a Guide,
+    pub guides: &'a Guides,
     /// As the problem's.
-    pub surfaces: &'a Surfaces,
-    /// As the problem's.
-    pub albedo: Option<Demodulation<'a>>,
+    pub albedo: Option<&'a Rgb>,
     /// How far the light is the same in both frames, 0 to 1.
     pub steady: &'a Plane,
     /// What every sample's weight is multiplied by, 0 to 1.
     pub trust: &'a Plane,
-}
-
-/// What a demodulated kernel reads besides.
-#[derive(Clone, Copy)]
-pub struct Demodulation<'a> {
-    /// Albedo plus its floor.
-    pub albedo: &'a Rgb,
-    /// Guide of colour over albedo.
-    pub guide: &'a Guide,
 }
 
 /// What is to be had of a fit.
@@ -159,19 +145,19 @@ impl<'a> Solver<'a> {
 
     #[inline(always)]
     fn run<S: Simd>(&mut self, simd: S, window: &Window, kernel: Kernel) {
-        let demodulation = self.problem.albedo.filter(|_| kernel.demodulate);
-        self.weigh(simd, window, kernel, demodulation);
+        let albedo = self.problem.albedo.filter(|_| kernel.demodulate);
+        self.weigh(simd, window, kernel);
         if self.samples.is_one() {
             return self.keep(window);
         }
-        let scale = self.prepare(simd, window, demodulation);
+        let scale = self.prepare(simd, window, albedo);
         let arch = self.arch;
         self.factorise(|columns, gram| gram::accumulate(arch, columns, gram));
         let Problem { basis, options, .. } = self.problem;
         let mut choice = std::mem::take(&mut self.choice);
         risk::choose(&self.evidence(simd), basis, options.order_choice, &mut choice);
         self.choice = choice;
-        self.predict(scale, demodulation);
+        self.predict(scale, albedo);
     }
 
     /// The fit of a centre that resembles nothing but itself, without its sums: the pixel as it is, and its
@@ -187,8 +173,8 @@ impl<'a> Solver<'a> {
 
     /// All between the weights and the Gram matrices; returns the factor that radiance was scaled by.
     #[inline(always)]
-    fn prepare<S: Simd>(&mut self, simd: S, window: &Window, demodulation: Option<Demodulation<'_>>) -> f32 {
-        self.gather(window, demodulation);
+    fn prepare<S: Simd>(&mut self, simd: S, window: &Window, albedo: Option<&Rgb>) -> f32 {
+        self.gather(window, albedo);
         let scale = self.scale_radiance(simd);
         self.trust_samples(simd, scale);
         self.condition(simd);
@@ -215,23 +201,13 @@ impl<'a> Solver<'a> {
 
     /// K_h of every sample.
     #[inline(always)]
-    fn weigh<S: Simd>(
-        &mut self,
-        simd: S,
-        window: &Window,
-        kernel: Kernel,
-        demodulation: Option<Demodulation<'_>>,
-    ) {
-        let Problem { guide, surfaces, albedo, beside, options, .. } = self.problem;
+    fn weigh<S: Simd>(&mut self, simd: S, window: &Window, kernel: Kernel) {
+        let Problem { guides, albedo, beside, options, .. } = self.problem;
         let radius = options.window_radius;
-        let chosen = |guide: &'a Guide, albedo: Option<Demodulation<'a>>, surfaces: &'a Surfaces| {
-            let color = albedo.filter(|_| demodulation.is_some()).map_or(guide, |d| d.guide);
-            Compared { color, surfaces }
-        };
-        let here = chosen(guide, *albedo, surfaces);
-        let beside_it = beside.iter().map(|b| chosen(b.guide, b.albedo, b.surfaces));
-        let guides = std::iter::once(here).chain(beside_it);
-        let kind = Kind { patch_radius: kernel.patch_radius, demodulated: demodulation.is_some() };
+        let demodulated = kernel.demodulate && albedo.is_some();
+        let guides = std::iter::once(*guides).chain(beside.iter().map(|beside| beside.guides));
+        let guides = guides.map(|guides| guides.compared(demodulated));
+        let kind = Kind { patch_radius: kernel.patch_radius, demodulated };
         let factor = kernel.feature_bandwidth.map(|bandwidth| (kernel.bandwidth / bandwidth).powi(2));
         let distances = self.distances.of(simd, kind, [window.cx, window.cy], guides, factor);
         self.samples.clear();
@@ -247,7 +223,7 @@ impl<'a> Solver<'a> {
 
     /// The design, the right-hand sides and the noise, over the albedo where that is asked for.
     #[inline(always)]
-    fn gather(&mut self, window: &Window, demodulation: Option<Demodulation<'_>>) {
+    fn gather(&mut self, window: &Window, albedo: Option<&Rgb>) {
         let Problem { targets, pilot, variance, noise, features, basis, beside, .. } = self.problem;
         let (stride, p) = (self.samples.stride(), basis.columns());
         let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
@@ -255,9 +231,9 @@ impl<'a> Solver<'a> {
         self.columns.resize((p + r) * stride, 0.0);
         self.noise.clear();
         self.noise.resize(stride, 0.0);
-        self.gather_frame(window, 0, targets, (variance, noise), features, demodulation);
+        self.gather_frame(window, 0, targets, (variance, noise), features, albedo);
         for (f, beside) in beside.iter().enumerate() {
-            let albedo = beside.albedo.filter(|_| demodulation.is_some());
+            let albedo = beside.albedo.filter(|_| albedo.is_some());
             let noise = (beside.variance, beside.noise);
             self.gather_frame(window, f + 1, &beside.targets, noise, beside.features, albedo);
         }
@@ -272,7 +248,7 @@ impl<'a> Solver<'a> {
         targets: &[&Plane],
         (variance, sum): (&Rgb, &Plane),
         features: &[Plane],
-        demodulation: Option<Demodulation<'_>>,
+        albedo: Option<&Rgb>,
     ) {
         let Problem { pilot, basis, features: centre, .. } = self.problem;
         let (samples, part) = (&self.samples, self.samples.of_frame(frame));
@@ -284,7 +260,7 @@ impl<'a> Solver<'a> {
             samples.gather(plane, frame, 0.0, &mut column[part.clone()]);
         }
         let noise = &mut self.noise[part.clone()];
-        let Some(Demodulation { albedo, .. }) = demodulation else {
+        let Some(albedo) = albedo else {
             return samples.gather(sum, frame, 0.0, noise);
         };
         self.scratch.resize(2 * part.len(), 0.0);
@@ -396,7 +372,7 @@ impl<'a> Solver<'a> {
     /// Evaluates the chosen model at the samples of this frame and puts ξ and the prediction into the targets'
     /// units.
     #[inline(always)]
-    fn predict(&mut self, scale: f32, demodulation: Option<Demodulation<'_>>) {
+    fn predict(&mut self, scale: f32, albedo: Option<&Rgb>) {
         let targets = self.problem.targets.len();
         let (stride, own) = (self.samples.stride(), self.samples.of_frame(0));
         self.factor.solve(targets, &self.choice.shrink);
@@ -413,7 +389,7 @@ impl<'a> Solver<'a> {
             }
         }
         self.choice.xi /= f64::from(scale) * f64::from(scale);
-        if let Some(Demodulation { albedo, .. }) = demodulation {
+        if let Some(albedo) = albedo {
             let weights = &self.weights[own.clone()];
             let mut squares = 0.0;
             self.scratch.resize(own.len(), 0.0);

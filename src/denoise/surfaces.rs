@@ -65,6 +65,11 @@ impl Surfaces {
         Self { features, stride, pad: window_radius }
     }
 
+    /// Whether there is no feature.
+    pub fn is_empty(&self) -> bool {
+        self.features.is_empty()
+    }
+
     /// Writes the distances of the pixel at column `x` and row `y` and all pixels of the window around it in
     /// `other`: `2·radius + 1` rows of [`distance_stride`]; pixels outside the picture have a value as well.
     #[inline(always)]

@@ -3,7 +3,7 @@
 //! A frame beside is repaired and its features are filtered on its own pixels, as if it were denoised
 //! itself; then all its planes are brought to this frame's pixels by [`super::warp`].
 
-use super::signal::Guides;
+use super::guides::{Guided, Guides};
 use super::solver::Beside as Samples;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
 use super::{Design, Ready, targets, variance};
@@ -40,9 +40,8 @@ impl Warped {
             variance: &self.variance,
             noise: &self.noise,
             features: &self.features,
-            guide: &self.guides.color,
-            surfaces: &self.guides.surfaces,
-            albedo: self.guides.demodulation(self.albedo.as_ref()),
+            guides: &self.guides,
+            albedo: self.albedo.as_ref(),
             steady: &self.steady,
             trust: &self.trust,
         }
@@ -154,9 +153,17 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
     trust.data_mut().iter_mut().zip(steady.data()).for_each(|(trust, steady)| *trust *= steady);
     distrust_copies(&mut trust, colors, &here.smoothed);
     let albedo = there.albedo.as_ref().map(rgb);
+    let guided = Guided {
+        color: color.each_ref(),
+        variance: &noise,
+        trusted: Plane::clone, // it was trusted before it was warped
+        albedo: albedo.as_ref(),
+        features: &features,
+        spreads: &here.spreads,
+    };
     Warped {
         targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
-        guides: Guides::new(&color.each_ref(), &noise, albedo.as_ref(), (&features, &here.spreads), options),
+        guides: Guides::default().turned_to(options.stages.iter().flatten(), guided, options),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,
         features,

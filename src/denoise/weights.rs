@@ -123,6 +123,21 @@ impl Guide {
         Self::of(size, rect, radii, tolerance, planes.len(), value, variance)
     }
 
+    /// Fills `out` with a part of row `y` of plane `n`, from column `x` on.
+    pub fn copy_row(&self, n: usize, at: [usize; 2], out: &mut [f32]) {
+        self.copy(&self.planes[n], at, out);
+    }
+
+    /// The same of its variance.
+    pub fn copy_variance_row(&self, n: usize, at: [usize; 2], out: &mut [f32]) {
+        self.copy(&self.variances[n], at, out);
+    }
+
+    fn copy(&self, from: &[f32], [x, y]: [usize; 2], out: &mut [f32]) {
+        let start = (y + self.pad) * self.stride + x + self.pad;
+        out.copy_from_slice(&from[start..start + out.len()]);
+    }
+
     /// Writes the differences of the pixel at column `x` and row `y` and all pixels of the window around it in
     /// `other`, both guides of a colour: `2·radius + 1` rows of [`distance_stride`]; pixels outside the picture
     /// have a value as well.

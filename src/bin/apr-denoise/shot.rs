@@ -87,7 +87,11 @@ impl Shelf {
         Ok(Shot { picture: self.get(job, &read)?, before, after, absent })
     }
 
-    fn get(&mut self, job: &Job, read: &impl Fn(&Job) -> Result<Picture, Error>) -> Result<Arc<Picture>, Error> {
+    fn get(
+        &mut self,
+        job: &Job,
+        read: &impl Fn(&Job) -> Result<Picture, Error>,
+    ) -> Result<Arc<Picture>, Error> {
         let frame = job.frame.expect("only sequences have frames beside");
         if let Some(held) = self.0.get(&frame) {
             return Ok(Arc::clone(held));

@@ -8,8 +8,9 @@ mod oracle;
 
 use super::*;
 use crate::denoise::gram::Tier;
+use crate::denoise::guides::Guided;
 use crate::denoise::risk::RISK_RESOLUTION;
-use crate::image::{Rect, sum_of_channels};
+use crate::image::sum_of_channels;
 use crate::options::OrderChoice;
 use cases::Case;
 use nalgebra::{DMatrix, DVector};
@@ -116,9 +117,15 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let options = Options { order_choice: OrderChoice::Hard, ..Options::default() };
     let radius = options.window_radius;
     let basis = Basis::new(radius, case.features.len(), options.max_order);
-    let whole = Rect::whole(case.color[0].size());
-    let radii = [radius, KERNEL.patch_radius];
-    let guide = Guide::new(&case.color, &case.variance, whole, radii, options.tolerance);
+    let guided = Guided {
+        color: case.color.each_ref(),
+        variance: &case.variance,
+        trusted: Plane::clone,
+        albedo: None,
+        features: &case.features,
+        spreads: &[],
+    };
+    let guides = Guides::default().turned_to([&KERNEL], guided, &options);
     let noise = sum_of_channels(&case.variance);
     let problem = Problem {
         targets: case.color.iter().collect(),
@@ -126,8 +133,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
         noise: &noise,
         pilot: with_pilot.then_some(&case.pilot),
         features: &case.features,
-        guide: &guide,
-        surfaces: &Surfaces::default(),
+        guides: &guides,
         albedo: None,
         beside: &[],
         basis: &basis,
@@ -135,7 +141,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     };
     let window = Window::new(case.center.0, case.center.1, radius, case.color[0].size());
     let mut solver = Solver::new(&problem);
-    solver.weigh(pulp::Scalar, &window, KERNEL, None);
+    solver.weigh(pulp::Scalar, &window, KERNEL);
     let scale = solver.prepare(pulp::Scalar, &window, None);
     let exact = Exact::new(case, &window, &solver, scale);
     let mut outcome = Outcome {
