@@ -274,9 +274,9 @@ impl FeatureFacts {
     }
 }
 
-/// Adds row `y` of the variances of some planes.
+/// Adds row `y` of the variances of some planes, of which one that is noisy has no more to say.
 fn add_variance(noise: &mut [Noise], variance: &[Plane], y: usize, good: impl Fn(f32) -> bool) {
-    for (noise, plane) in noise.iter_mut().zip(variance) {
+    for (noise, plane) in noise.iter_mut().zip(variance).filter(|(noise, _)| !noise.noisy) {
         plane.row(y).iter().filter(|v| good(**v)).for_each(|v| noise.add(*v));
     }
 }
@@ -289,7 +289,7 @@ fn add_halves(
     good: impl Fn(f32) -> bool,
     limited: impl Fn(f32) -> f32,
 ) {
-    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)) {
+    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)).filter(|(noise, _)| !noise.noisy) {
         let pairs = a.row(y).iter().zip(b.row(y)).filter(|(a, b)| good(**a) && good(**b));
         pairs.for_each(|(a, b)| noise.add(half_difference_squared(limited(*a), limited(*b))));
     }

@@ -143,13 +143,17 @@ fn tiles(rect: Rect, origin: (usize, usize)) -> Vec<Rect> {
 }
 
 /// Sums over a part of the picture: per pixel the targets', then [`EXTRA`] more.
-struct Sums {
+pub struct Sums {
     rect: Rect,
     depth: usize,
     data: Vec<f32>,
+    /// Whether any fit was added.
+    any: bool,
     /// Where centres are counted.
     counted: Rect,
     fits: usize,
+    /// Of those, the ones on the grid.
+    grid_fits: usize,
     orders: [usize; 4],
 }
 
@@ -157,7 +161,7 @@ impl Sums {
     fn new(rect: Rect, targets: usize, counted: Rect) -> Self {
         let depth = targets + EXTRA;
         let data = vec![0.0; rect.width * rect.height * depth];
-        Self { rect, depth, data, counted, fits: 0, orders: [0; 4] }
+        Self { rect, depth, data, any: false, counted, fits: 0, grid_fits: 0, orders: [0; 4] }
     }
 
     fn at(&self, x: usize, y: usize) -> usize {
@@ -173,12 +177,33 @@ impl Sums {
         self.data[self.at(x, y) + self.depth - 1]
     }
 
+    /// Divides by Σ a. A pixel that nothing covers keeps its noisy value, of `targets`, and its `noise`, the sum of the
+    /// channels' variances.
+    pub fn into_stage(self, targets: &[&Plane], noise: &Plane) -> Stage {
+        let (width, count) = (self.rect.width, targets.len());
+        let plane = |k: usize, otherwise: &(dyn Fn(usize, usize) -> f32 + Sync)| {
+            Plane::par_from_fn(width, self.rect.height, |x, y| {
+                let pixel = &self.data[(y * width + x) * self.depth..][..self.depth];
+                if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
+            })
+        };
+        Stage {
+            targets: targets.iter().enumerate().map(|(t, noisy)| plane(t, &|x, y| noisy.get(x, y))).collect(),
+            mse: plane(count + 1, &|x, y| noise.get(x, y) / 3.0),
+            order: plane(count + 2, &|_, _| 0.0),
+            fits: self.fits,
+            coverage_fits: self.fits - self.grid_fits,
+            orders: self.orders,
+        }
+    }
+
     /// Adds those of tiles, in their order; rows in parallel.
     fn add(&mut self, tiles: &[Sums]) {
+        let tiles: Vec<&Sums> = tiles.iter().filter(|tile| tile.any).collect();
         let (top, left) = (self.rect.y, self.rect.x);
         let row = (self.rect.width * self.depth).max(1);
         self.data.par_chunks_exact_mut(row).enumerate().for_each(|(y, sums)| {
-            for tile in tiles {
+            for tile in &tiles {
                 let Some(dy) = (y + top).checked_sub(tile.rect.y).filter(|dy| *dy < tile.rect.height) else {
                     continue;
                 };
@@ -194,15 +219,15 @@ impl Sums {
     }
 }
 
-/// Runs one stage with all its kernels. Pixels need a summed weight of `coverage`; `progress` hears the share that
-/// is done.
+/// Sums what the fits of one stage with all its kernels predict. Pixels need a summed weight of `coverage`;
+/// `progress` hears the share that is done.
 pub fn run(
     problem: &Problem<'_>,
     kernels: &[Kernel],
     coverage: f32,
     area: Area,
     progress: &(dyn Fn(f32) + Sync),
-) -> Stage {
+) -> Sums {
     let size @ (width, height) = problem.targets[0].size();
     let (spacing, radius) = (problem.options.center_spacing, problem.options.window_radius);
     let mut sums = Sums::new(Rect::whole(size), problem.targets.len(), area.counted);
@@ -221,7 +246,7 @@ pub fn run(
         }
         tick();
     });
-    let grid_fits = sums.fits;
+    sums.grid_fits = sums.fits;
     let bandwidth = kernels.iter().fold(0.0f32, |widest, kernel| widest.max(kernel.bandwidth));
     let widest: Vec<Kernel> =
         kernels.iter().copied().filter(|kernel| kernel.bandwidth == bandwidth).collect();
@@ -237,7 +262,7 @@ pub fn run(
         }
         tick();
     });
-    finish(problem, sums, grid_fits)
+    sums
 }
 
 /// Runs `work` on every tile, in parallel, and adds what it sums to `sums` in the tiles' order. `work`
@@ -325,6 +350,7 @@ fn center(
                 *sum += term;
             }
         }
+        sums.any = true;
         if sums.counted.contains(cx, cy) {
             sums.fits += 1;
             sums.orders[fitted.choice.best] += 1;
@@ -335,25 +361,4 @@ fn center(
 fn worth_a_fit(problem: &Problem<'_>, x: usize, y: usize) -> bool {
     let radiance: f32 = problem.targets[..3].iter().map(|c| c.get(x, y).powi(2)).sum();
     problem.noise.get(x, y) > NEGLIGIBLE_NOISE * (radiance + problem.options.dark_level.powi(2))
-}
-
-/// Divides by Σ a; a pixel that nothing covers keeps its noisy value.
-fn finish(problem: &Problem<'_>, sums: Sums, grid_fits: usize) -> Stage {
-    let (width, height) = problem.targets[0].size();
-    let count = problem.targets.len();
-    let plane = |k: usize, otherwise: &(dyn Fn(usize, usize) -> f32 + Sync)| {
-        Plane::par_from_fn(width, height, |x, y| {
-            let pixel = &sums.data[(y * width + x) * sums.depth..][..sums.depth];
-            if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
-        })
-    };
-    let noise = |x: usize, y: usize| problem.noise.get(x, y) / 3.0;
-    Stage {
-        targets: (0..count).map(|t| plane(t, &|x, y| problem.targets[t].get(x, y))).collect(),
-        mse: plane(count + 1, &noise),
-        order: plane(count + 2, &|_, _| 0.0),
-        fits: sums.fits,
-        coverage_fits: sums.fits - grid_fits,
-        orders: sums.orders,
-    }
 }

@@ -102,6 +102,11 @@ impl Samples {
         }
     }
 
+    /// Of all frames.
+    pub fn len(&self) -> usize {
+        self.spots.len()
+    }
+
     /// Length of a column: the samples, rounded up to whole vectors.
     pub fn stride(&self) -> usize {
         self.kernel.len()
@@ -109,7 +114,7 @@ impl Samples {
 
     /// Whether there is one sample alone, in all frames together.
     pub fn is_one(&self) -> bool {
-        self.spots.len() == 1
+        self.len() == 1
     }
 
     /// K of every sample, `stride` long.

@@ -87,14 +87,11 @@ impl Signal<'_> {
             let last = n + 1 == options.stages.len();
             let pilot = stage.take().map(reconstruct::Stage::into_color);
             guides = guides.turned_to(kernels, self.guided(), options);
+            // Only the last stage's operator is applied to the AOVs.
+            let count = if last { self.targets.len() } else { 3 };
+            let targets: Vec<&Plane> = self.targets[..count].iter().map(|plane| &**plane).collect();
             let problem = Problem {
-                // Only the last stage's operator is applied to the AOVs.
-                targets: self
-                    .targets
-                    .iter()
-                    .map(|plane| &**plane)
-                    .take(if last { usize::MAX } else { 3 })
-                    .collect(),
+                targets: &targets,
                 variance: &self.smoothed,
                 noise: &noise,
                 pilot: pilot.as_ref(),
@@ -106,8 +103,13 @@ impl Signal<'_> {
                 options,
             };
             let coverage = options.min_coverage * if last { 1.0 } else { options.pilot_coverage };
-            let result =
-                reconstruct::run(&problem, kernels, coverage, *area, &|done| observer.progress(done));
+            let sums = reconstruct::run(&problem, kernels, coverage, *area, &|done| observer.progress(done));
+            // The result has room where these were.
+            drop(pilot);
+            if last {
+                guides = Guides::default();
+            }
+            let result = sums.into_stage(&targets, &noise);
             summary.centres += result.fits;
             summary.coverage_centres += result.coverage_fits;
             summary.orders = result.orders;

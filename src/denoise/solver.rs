@@ -19,7 +19,7 @@ mod stability;
 /// What the fits of a stage read. All radiance is exposed (see [`super::exposure`]).
 pub struct Problem<'a> {
     /// Noisy planes to reconstruct: R, G, B of the colour, then of every AOV.
-    pub targets: Vec<&'a Plane>,
+    pub targets: &'a [&'a Plane],
     /// Variance of the colour's mean, smoothed.
     pub variance: &'a Rgb,
     /// The sum of its channels.
@@ -227,8 +227,10 @@ impl<'a> Solver<'a> {
         let Problem { targets, pilot, variance, noise, features, basis, beside, .. } = self.problem;
         let (stride, p) = (self.samples.stride(), basis.columns());
         let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
-        self.columns.clear();
+        // Every sample of every column is written below: only what fills up the vectors is not.
         self.columns.resize((p + r) * stride, 0.0);
+        let samples = self.samples.len();
+        self.columns.chunks_exact_mut(stride).for_each(|column| column[samples..].fill(0.0));
         self.noise.clear();
         self.noise.resize(stride, 0.0);
         self.gather_frame(window, 0, targets, (variance, noise), features, albedo);

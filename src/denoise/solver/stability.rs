@@ -128,7 +128,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     let guides = Guides::default().turned_to([&KERNEL], guided, &options);
     let noise = sum_of_channels(&case.variance);
     let problem = Problem {
-        targets: case.color.iter().collect(),
+        targets: &case.color.each_ref(),
         variance: &case.variance,
         noise: &noise,
         pilot: with_pilot.then_some(&case.pilot),
