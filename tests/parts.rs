@@ -179,7 +179,7 @@ fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
         facts.add_outliers(&crop(frame, part.read), &part, options).unwrap();
     }
     let part = Part::new(wanted, size, options, &facts);
-    denoise_part(&crop(frame, part.read), &part, &facts, options, &Silent).unwrap()
+    denoise_part(crop(frame, part.read), &part, &facts, options, &Silent).unwrap()
 }
 
 fn planes(denoised: &Denoised) -> impl Iterator<Item = &Plane> {

@@ -5,6 +5,7 @@ use apr::denoise::Stage;
 use apr::image::{Plane, Rect};
 use apr::io::{Layout, RoleLayout, SumCheck};
 use apr::{Denoised, Frame, Options, Summary};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
@@ -162,6 +163,11 @@ impl Mean {
         }
     }
 
+    fn join(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.count += other.count;
+    }
+
     fn value(self) -> Option<f64> {
         (self.count > 0).then(|| self.sum / self.count as f64)
     }
@@ -170,21 +176,35 @@ impl Mean {
 impl ErrorSums {
     /// Adds the pixels `within` a frame, which `denoised` holds; `input` is the frame's [`input_error`].
     pub fn add(&mut self, input: Option<&Plane>, within: Rect, denoised: &Denoised) {
+        let rows = (0..within.height).into_par_iter().map(|y| {
+            let input = input.map(|plane| &plane.row(within.y + y)[within.x..]);
+            Self::of_row(input, denoised, y)
+        });
+        // One by one, so that the threads do not matter.
+        for row in rows.collect::<Vec<_>>() {
+            self.before.iter_mut().zip(row.before).for_each(|(mean, row)| mean.join(row));
+            self.after.iter_mut().zip(row.after).for_each(|(mean, row)| mean.join(row));
+        }
+    }
+
+    /// Of row `y` of `denoised`, where `input` is the input's error.
+    fn of_row(input: Option<&[f32]>, denoised: &Denoised, y: usize) -> Self {
         /// The same as in relMSE: keeps black pixels from deciding everything.
         const EPSILON: f64 = 0.01;
-        for (x, y) in within.pixels() {
-            let (out_x, out_y) = (x - within.x, y - within.y);
-            let color = denoised.color.iter().map(|plane| f64::from(plane.get(out_x, out_y)));
+        let mut sums = Self::default();
+        for (x, &after) in denoised.mse.row(y).iter().enumerate() {
+            let color = denoised.color.iter().map(|plane| f64::from(plane.get(x, y)));
             let scale = (color.sum::<f64>() / 3.0).powi(2) + EPSILON;
             let add = |means: &mut [Mean; 2], error: f32| {
                 let error = f64::from(error);
                 means.iter_mut().zip([error, error / scale]).for_each(|(mean, error)| mean.add(error));
             };
-            add(&mut self.after, denoised.mse.get(out_x, out_y));
+            add(&mut sums.after, after);
             if let Some(input) = input {
-                add(&mut self.before, input.get(x, y));
+                add(&mut sums.before, input[x]);
             }
         }
+        sums
     }
 
     /// The means.
