@@ -80,7 +80,7 @@ fn denoise<'py>(
         Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
     let (frame, notes) = given.frame()?;
     // Nothing of Python is touched from here on: others may run meanwhile.
-    let denoised = py.detach(|| on_threads(threads, || apr::denoise(&frame, &options)))?.map_err(raised)?;
+    let denoised = py.detach(|| on_threads(threads, || apr::denoise(frame, &options)))?.map_err(raised)?;
     let result = frame::result(py, denoised)?;
     let summary = result.get_item("summary")?.expect("it has just been put there");
     for note in notes {
