@@ -278,17 +278,20 @@ impl Planes {
         (5 + self.aovs) * size_of::<f32>() * target.width * target.height
     }
 
-    /// Bytes for each pixel that is read, when most is held. That is either while features are filtered: the planes as
-    /// they were read, the filtered ones, the albedo, the variance and what is smoothed of it; or in the last stage: what
-    /// fits read, the guides of colour, of colour over albedo and of the features, the pilot, the sums and their
-    /// coverage. Measured it is 60 planes where this tells 65.
+    /// Bytes for each pixel that is read, when most is held. That is while features are filtered: the planes as they
+    /// were read, the filtered ones, the albedo, the variance and what is smoothed of it; or in the last stage: what fits
+    /// read, the guides of colour, of colour over albedo and of the features, the pilot, the sums and their coverage; or,
+    /// with many components, at its end: what fits read, the sums and the result. Of 31 channels it is 60 planes, measured,
+    /// where this tells 65.
     fn per_pixel(&self) -> usize {
         let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 3, 1, 1);
         let targets = 3 + self.aovs;
+        let (sums, result) = (targets + 4, targets + 2);
         let filtering = self.all + self.features + albedo + variance + smoothed;
         let read = targets + variance + smoothed + self.features + albedo;
-        let fitting = read + 2 * guide + 2 * self.features + pilot + (targets + 4) + coverage;
-        (filtering.max(fitting) + input_error) * size_of::<f32>()
+        let fitting = read + 2 * guide + 2 * self.features + pilot + sums + coverage;
+        let ending = read + sums + result;
+        (filtering.max(fitting).max(ending) + input_error) * size_of::<f32>()
     }
 
     /// Rows of a band with which a run keeps to `bound`.
