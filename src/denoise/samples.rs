@@ -61,7 +61,7 @@ impl Samples {
         bandwidth: f32,
         trust: Option<(&Plane, f32)>,
     ) {
-        let start = self.spots.len();
+        let (start, first_run) = (self.spots.len(), self.runs.len());
         let (first_x, first_y) = window.offset(radius);
         let inside = ((1u32 << window.width) - 1) << first_x;
         self.distances.clear();
@@ -89,11 +89,8 @@ impl Samples {
         weights::kernel(&self.distances, bandwidth, &mut self.kernel[start..]);
         self.ends.push([self.spots.len(), self.runs.len()]);
         if let Some((trust, factor)) = trust {
-            // The distances have become weights: their buffer takes the trust.
-            let mut trusts = std::mem::take(&mut self.distances);
-            self.gather(trust, self.ends.len() - 1, 0.0, &mut trusts);
-            self.kernel[start..].iter_mut().zip(&trusts).for_each(|(k, trust)| *k *= trust * factor);
-            self.distances = trusts;
+            let trusts = values(&self.runs[first_run..], trust);
+            self.kernel[start..].iter_mut().zip(trusts).for_each(|(k, trust)| *k *= trust * factor);
         }
         self.kernel.resize(self.spots.len().next_multiple_of(LANES), 0.0);
         if self.ends.len() == 1 {
@@ -133,6 +130,10 @@ impl Samples {
         start..self.ends[frame][0]
     }
 
+    fn runs(&self, frame: usize) -> &[Run] {
+        &self.runs[self.start(frame)[1]..self.ends[frame][1]]
+    }
+
     /// The first sample and the first run of a frame.
     fn start(&self, frame: usize) -> [usize; 2] {
         frame.checked_sub(1).map_or([0; 2], |before| self.ends[before])
@@ -140,10 +141,7 @@ impl Samples {
 
     /// The mean of `plane` over the samples of a frame, by K; 1 without any.
     pub fn mean(&self, frame: usize, plane: &Plane) -> f32 {
-        let samples = self.of_frame(frame);
-        let mut values = vec![0.0; samples.len()];
-        self.gather(plane, frame, 0.0, &mut values);
-        let values = self.kernel[samples].iter().zip(&values);
+        let values = self.kernel[self.of_frame(frame)].iter().zip(values(self.runs(frame), plane));
         let (sum, all) = values.fold((0.0, 0.0), |(s, a), (k, value)| (s + k * value, a + k));
         if all > 0.0 { sum / all } else { 1.0 }
     }
@@ -157,7 +155,7 @@ impl Samples {
     #[inline(always)]
     pub fn gather(&self, plane: &Plane, frame: usize, shift: f32, out: &mut [f32]) {
         let mut at = 0;
-        for Run { place, length } in &self.runs[self.start(frame)[1]..self.ends[frame][1]] {
+        for Run { place, length } in self.runs(frame) {
             let (from, to) = (&plane.data()[*place..], &mut out[at..]);
             match (from.first_chunk::<LONGEST_RUN>(), to.first_chunk_mut::<LONGEST_RUN>()) {
                 (Some(from), Some(to)) => *to = from.map(|value| value - shift),
@@ -166,6 +164,11 @@ impl Samples {
             at += length;
         }
     }
+}
+
+/// The values of `plane` at the samples of some runs.
+fn values<'a>(runs: &'a [Run], plane: &'a Plane) -> impl Iterator<Item = &'a f32> {
+    runs.iter().flat_map(|run| &plane.data()[run.place..run.place + run.length])
 }
 
 #[cfg(test)]

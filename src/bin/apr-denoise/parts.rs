@@ -84,8 +84,8 @@ pub struct Surveyed {
     facts: Facts,
     /// The pixels that the result holds.
     target: Rect,
-    /// The same, where they are a region that was asked for.
-    region: Option<Rect>,
+    /// They are a region that was asked for.
+    is_region: bool,
     parts: Vec<Part>,
 }
 
@@ -133,11 +133,13 @@ impl Input {
         let shot = match self {
             Self::Parts(surveyed) => {
                 let output = surveyed.denoise(denoiser, clock)?;
-                return Ok((Used::Survey(Box::new(surveyed.survey), surveyed.region), output));
+                let region = surveyed.is_region.then_some(surveyed.target);
+                return Ok((Used::Survey(Box::new(surveyed.survey), region), output));
             }
             Self::Whole(shot) => shot,
         };
-        let (used, input, denoised) = match if kept { Err(shot) } else { shot.into_picture() } {
+        let given = if kept { Err(shot) } else { shot.into_picture() };
+        let (used, input, denoised) = match given {
             Ok(picture) => {
                 let (survey, frame) = picture.into_frame();
                 let input = input_error(&frame);
@@ -220,8 +222,7 @@ impl Surveyed {
                 facts.add_outliers(&survey.read(part.read)?, &part, options)?;
             }
         }
-        let region = arguments.region.map(|_| target);
-        Ok(Self { survey, facts, target, region, parts })
+        Ok(Self { survey, facts, target, is_region: arguments.region.is_some(), parts })
     }
 
     fn denoise(&self, denoiser: &Denoiser, clock: &Clock) -> Result<Output> {

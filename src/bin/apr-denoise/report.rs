@@ -2,7 +2,7 @@
 
 use apr::baseline::Denoiser;
 use apr::denoise::Stage;
-use apr::image::{Plane, Rect};
+use apr::image::{Plane, Rect, mean_of_channels};
 use apr::io::{Layout, RoleLayout, SumCheck};
 use apr::{Denoised, Frame, Options, Summary};
 use rayon::prelude::*;
@@ -217,14 +217,11 @@ impl ErrorSums {
 
 /// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`.
 pub fn input_error(frame: &Frame) -> Option<Plane> {
-    let mean = |of: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
-        Plane::par_from_fn(frame.width(), frame.height(), |x, y| {
-            ((0..3).map(|c| f64::from(of(c, x, y))).sum::<f64>() / 3.0) as f32
-        })
-    };
-    match (frame.color_var_of_mean(), frame.halves()) {
-        (Some(variance), _) => Some(mean(&|c, x, y| variance[c].get(x, y))),
-        (None, Some([a, b])) => Some(mean(&|c, x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0)),
-        (None, None) => None,
+    if let Some(variance) = frame.color_var_of_mean() {
+        return Some(mean_of_channels(variance));
     }
+    let [a, b] = frame.halves()?;
+    let quarter = |c: usize| move |x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0;
+    let channels = std::array::from_fn(|c| Plane::par_from_fn(frame.width(), frame.height(), quarter(c)));
+    Some(mean_of_channels(&channels))
 }

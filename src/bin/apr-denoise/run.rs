@@ -136,8 +136,7 @@ impl<'a> Run<'a> {
                 if self.denoiser.pipeline().is_none() {
                     clock.begin(self.denoiser.method().name()); // which tells of no stages
                 }
-                let job = &self.plan.jobs[index];
-                let sampled = job.sampling_map.is_some() || self.arguments.target_error.is_some();
+                let sampled = Sampling::is_wanted(&self.plan.jobs[index], self.arguments.target_error);
                 let output = input.denoise(self.denoiser, &clock, sampled);
                 clock.pause();
                 output

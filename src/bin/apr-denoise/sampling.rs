@@ -32,6 +32,11 @@ pub struct Sampling {
 }
 
 impl Sampling {
+    /// Whether anything was asked for; it takes the picture as it was read.
+    pub fn is_wanted(job: &Job, target: Option<f32>) -> bool {
+        job.sampling_map.is_some() || target.is_some()
+    }
+
     /// Estimates and writes what was asked for; none where nothing was.
     ///
     /// # Errors
@@ -43,8 +48,7 @@ impl Sampling {
         job: &Job,
         target: Option<f32>,
     ) -> Result<Option<Self>> {
-        let map = job.sampling_map.as_ref();
-        if map.is_none() && target.is_none() {
+        if !Self::is_wanted(job, target) {
             return Ok(None);
         }
         let frame: &Frame = picture.frame();
@@ -67,7 +71,7 @@ impl Sampling {
             told.needed_share = Some(share);
             told.needed_per_pixel = frame.spp().map(|spp| share * f64::from(spp));
         }
-        if let Some(path) = map {
+        if let Some(path) = &job.sampling_map {
             let met = told.target_met == Some(true);
             write_plane(path, CHANNEL, &next_density(picture, denoised, target, met)?)?;
         }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use apr::error::Error;
+use apr::error::Result;
 use apr::io::Picture;
 use apr::{Frame, Neighbours};
 
@@ -29,7 +29,7 @@ impl Shot {
     }
 
     /// The frame, where nothing else has a use for it: there are no frames beside.
-    pub fn into_picture(self) -> Result<Picture, Self> {
+    pub fn into_picture(self) -> std::result::Result<Picture, Self> {
         if self.before.is_empty() && self.after.is_empty() && self.absent.is_empty() {
             return Arc::try_unwrap(self.picture).map_err(|picture| Self { picture, ..self });
         }
@@ -64,15 +64,15 @@ impl Shelf {
         plan: &Plan,
         job: &Job,
         reach: i32,
-        read: impl Fn(&Job) -> Result<Picture, Error>,
-    ) -> Result<Shot, Error> {
+        read: impl Fn(&Job) -> Result<Picture>,
+    ) -> Result<Shot> {
         let Some(frame) = job.frame.filter(|_| reach > 0) else {
             let picture = Arc::new(read(job)?);
             return Ok(Shot { picture, before: vec![], after: vec![], absent: vec![] });
         };
         self.0.retain(|held, _| held.abs_diff(frame) <= reach.unsigned_abs());
         let mut absent = vec![];
-        let mut side = |sign: i32| -> Result<Vec<Arc<Picture>>, Error> {
+        let mut side = |sign: i32| -> Result<Vec<Arc<Picture>>> {
             let mut found = vec![];
             for offset in 1..=reach {
                 let Some(beside) = plan.beside(job, sign * offset) else {
@@ -87,11 +87,7 @@ impl Shelf {
         Ok(Shot { picture: self.get(job, &read)?, before, after, absent })
     }
 
-    fn get(
-        &mut self,
-        job: &Job,
-        read: &impl Fn(&Job) -> Result<Picture, Error>,
-    ) -> Result<Arc<Picture>, Error> {
+    fn get(&mut self, job: &Job, read: &impl Fn(&Job) -> Result<Picture>) -> Result<Arc<Picture>> {
         let frame = job.frame.expect("only sequences have frames beside");
         if let Some(held) = self.0.get(&frame) {
             return Ok(Arc::clone(held));
