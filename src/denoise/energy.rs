@@ -205,7 +205,7 @@ impl Gains {
 mod tests {
     use super::super::outlier::{find, replace};
     use super::*;
-    use crate::options::OutlierOptions;
+    use crate::options::{Options, OutlierOptions};
     use proptest::prelude::*;
 
     fn grey(plane: &Plane) -> Rgb {
@@ -245,7 +245,10 @@ mod tests {
         fn what_is_taken_out_is_given_back_to_rounding((mut plane, witnesses) in pictures()) {
             let (width, height) = plane.size();
             let variance = grey(&Plane::from_fn(width, height, |x, y| plane.get(x, y).powi(2)));
-            let options = OutlierOptions { deviations: 3.0, ..OutlierOptions::default() };
+            let options = Options {
+                outliers: OutlierOptions { deviations: 3.0, share: 0.0, ..OutlierOptions::default() },
+                ..Options::default()
+            };
             let outliers = find(&grey(&plane), &variance, None, &options);
             let before = sum(&plane);
             let taken = replace(&mut plane, &outliers);

@@ -212,7 +212,7 @@ fn run(
 
     observer.stage(Stage::Energy);
     if options.restore {
-        restore_lost(&mut result, &clean, &signal.smoothed);
+        restore_lost(&mut result, &clean, &signal);
     }
     if let Some(gains) = gains {
         let beauty = result.color();
@@ -276,7 +276,7 @@ fn repair<'a>(
     // Outliers go, their energy is kept (Moon et al. 2016).
     observer.stage(Stage::Outliers);
     let outliers = if options.outliers.enabled {
-        outlier::find(&clean.color, &variance, clean.halves.as_ref(), &options.outliers)
+        outlier::find(&clean.color, &variance, clean.halves.as_ref(), options)
     } else {
         vec![]
     };
@@ -355,8 +355,9 @@ fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
 }
 
 /// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
-fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean<'_>, variance: &Rgb) {
-    let shares = restore::detail_shares(&clean.color, &result.color(), variance);
+fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean<'_>, signal: &Signal<'_>) {
+    let variance = &signal.smoothed;
+    let shares = restore::detail_shares(&clean.color, &result.color(), &signal.variance, variance);
     for (plane, noisy) in result.targets.iter_mut().zip(targets(clean)) {
         restore::blend(plane, noisy, &shares);
     }

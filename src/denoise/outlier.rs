@@ -5,13 +5,19 @@
 //! median intensity; the energy taken out is remembered and given back after the reconstruction
 //! (see [`super::energy`]).
 //!
+//! `[choice]` and only if that much is more than a share of all the light of a fit's window: what the window
+//! averages out by itself stays where it was found, for energy that is given back comes back to other places.
+//! A tenth against none: relMSE ×0.992 (five scenes at 16 to 256 spp) and ×0.962 (thirteen of the tracer), hard
+//! indirect light ×0.8, fog ×0.7 at 16 spp, caustics ×0.7 at 64 and 256.
+//!
 //! `[choice]` the paper's "computed standard deviation" is read as the neighbours' *and* the pixel's
 //! own must admit that the pixel is a chance event: by the neighbours alone a highlight that every
 //! sample saw is flattened: fine foliage at 256 spp went from relMSE 0.0024, the input's, to 0.0070. With half buffers, half their difference is a second
 //! witness of the pixel's own deviation: a firefly sits in one half only.
 
+use super::variance::smooth;
 use crate::image::{Plane, Rgb, mean_of_channels};
-use crate::options::OutlierOptions;
+use crate::options::{Options, OutlierOptions};
 use rayon::prelude::*;
 
 /// Deviations of its own within which an outlier's excess must lie (Moon et al. 2016 for the number).
@@ -32,14 +38,11 @@ pub struct Outlier {
 }
 
 /// Lists the outliers of `color`, row by row.
-pub fn find(
-    color: &Rgb,
-    variance: &Rgb,
-    halves: Option<&[Rgb; 2]>,
-    options: &OutlierOptions,
-) -> Vec<Outlier> {
+pub fn find(color: &Rgb, variance: &Rgb, halves: Option<&[Rgb; 2]>, options: &Options) -> Vec<Outlier> {
     let (width, height) = color[0].size();
     let intensity = mean_of_channels(color);
+    let light = smooth(&intensity, options.window_radius);
+    let pixels = (2 * options.window_radius + 1).pow(2) as f32;
     let deviation = Plane::par_from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
         let own = variance.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0;
@@ -51,7 +54,11 @@ pub fn find(
     let rows: Vec<Vec<Outlier>> = (0..height)
         .into_par_iter()
         .map_init(Vec::new, |neighbours, y| {
-            (0..width).filter_map(|x| judge(&intensity, &deviation, (x, y), neighbours, options)).collect()
+            let judge = |x| {
+                let least = options.outliers.share * pixels * light.get(x, y);
+                judge(&intensity, &deviation, (x, y), least, neighbours, &options.outliers)
+            };
+            (0..width).filter_map(judge).collect()
         })
         .collect();
     rows.concat()
@@ -60,10 +67,12 @@ pub fn find(
 /// A neighbour's intensity, column and row, and its noise variance.
 type Neighbour = (f32, usize, usize, f32);
 
+/// The outlier at a pixel, whose excess must be more than `least`.
 fn judge(
     intensity: &Plane,
     deviation: &Plane,
     (x, y): (usize, usize),
+    least: f32,
     neighbours: &mut Vec<Neighbour>,
     options: &OutlierOptions,
 ) -> Option<Outlier> {
@@ -97,7 +106,7 @@ fn judge(
     let spread = spread.max(trusted.iter().map(|t| t.3).sum::<f32>() / n).sqrt();
     let excess = own - mean;
     let chance = excess < OWN_DEVIATIONS * deviation.get(x, y);
-    (chance && excess > options.deviations * spread).then(|| {
+    (chance && excess > least.max(options.deviations * spread)).then(|| {
         let median = neighbours[neighbours.len() / 2];
         Outlier { x, y, from: (median.1, median.2) }
     })
@@ -128,7 +137,7 @@ mod tests {
         let mut color =
             grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x * 5 + y * 3) % 7) as f32 });
         let variance = grey(|x, y| if (x, y) == (5, 4) { 900.0 * 900.0 * 2.0 } else { 1e-4 });
-        let options = OutlierOptions::default();
+        let options = Options::default();
         let outliers = find(&color, &variance, None, &options);
         assert_eq!(outliers.iter().map(|o| (o.x, o.y)).collect::<Vec<_>>(), [(5, 4)]);
         for plane in &mut color {
@@ -141,13 +150,26 @@ mod tests {
     }
 
     #[test]
+    fn what_a_window_averages_out_by_itself_stays() {
+        let outliers = |share: f32, one_in: usize| {
+            let color = grey(|x, y| if (x * 5 + y * 7 + 3) % one_in == 3 { 60.0 } else { 1.0 });
+            let variance = color.each_ref().map(|c| Plane::from_fn(12, 9, |x, y| c.get(x, y).powi(2) / 9.0));
+            let outliers = OutlierOptions { deviations: 5.0, share, ..OutlierOptions::default() };
+            find(&color, &variance, None, &Options { outliers, ..Options::default() }).len()
+        };
+        // A bright pixel by itself has a seventh of the light of a window, one of every 31 a fourteenth.
+        assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, 1000)), [1, 1, 0]);
+        assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, 31) > 0), [true, false, false]);
+    }
+
+    #[test]
     fn a_highlight_that_its_own_small_variance_vouches_for_stays() {
         let color = grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x + y) % 3) as f32 });
         let variance = grey(|_, _| 1e-2);
-        assert!(find(&color, &variance, None, &OutlierOptions::default()).is_empty());
+        assert!(find(&color, &variance, None, &Options::default()).is_empty());
         // Half buffers that disagree take the vouching back.
         let half = |v: f32| grey(move |x, y| if (x, y) == (5, 4) { v } else { 1.0 });
         let halves = [half(1800.0), half(0.0)];
-        assert_eq!(find(&color, &variance, Some(&halves), &OutlierOptions::default()).len(), 1);
+        assert_eq!(find(&color, &variance, Some(&halves), &Options::default()).len(), 1);
     }
 }

@@ -10,7 +10,8 @@
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
 //! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
-//! | variance | smoothing + 4 + outliers' radius | estimated over 9×9 pixels at most, outliers replaced |
+//! | variance | smoothing + what outliers look | estimated over 9×9 pixels at most, outliers replaced |
+//! | outliers | 4 + their radius, or w | their neighbours' variance, a window's light |
 //! | where nothing tells it | 2 + a stage of fits | a mean of what those leave |
 //! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
 //! | repair | 16 | from the rim of what is broken |
@@ -31,15 +32,14 @@ pub fn halo(options: &Options, facts: &Facts) -> usize {
 
 /// How far around a pixel the stages look, where the variance is known or `estimated`.
 fn reach(options: &Options, estimated: bool) -> usize {
-    let Options { outliers, prefilter, .. } = options;
+    let prefilter = &options.prefilter;
     let restored = if options.restore { restore::REACH } else { 0 };
     let fits_of =
         |stages: usize| stages * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
     let fits = fits_of(options.stages.len());
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
-    let replaced = if outliers.enabled { outliers.radius } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);
-    let told = replaced + variance::REACH;
+    let told = told(options);
     let noise =
         if estimated { variance::RESIDUAL_RADIUS + fits_of(1) + feature.max(smoothing + told) } else { told };
     let fine = fits + feature.max(smoothing + noise);
@@ -50,6 +50,12 @@ fn reach(options: &Options, estimated: bool) -> usize {
         fine
     };
     restored + fitted + sanitize::REACH
+}
+
+/// How far around a pixel the first estimate of its variance and the outlier step look.
+fn told(options: &Options) -> usize {
+    let Options { outliers, window_radius, .. } = options;
+    if outliers.enabled { (variance::REACH + outliers.radius).max(*window_radius) } else { variance::REACH }
 }
 
 /// A part of a picture that is denoised alone, and what must be read for it.
@@ -76,7 +82,7 @@ impl Part {
     /// What must be read of a picture of `size` to find the outliers of its pixels `wanted` (see
     /// [`Facts::add_outliers`](super::Facts::add_outliers)).
     pub fn of_outliers(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
-        let reach = sanitize::REACH + variance::REACH + options.outliers.radius;
+        let reach = sanitize::REACH + told(options);
         Self { wanted, read: wanted.grown(reach, size) }
     }
 

@@ -306,7 +306,7 @@ impl<'a> Solver<'a> {
         scale
     }
 
-    /// The weight of every sample in the fit: K, less for samples noisier than the window's average,
+    /// The weight of every sample in the fit: K, less for samples that hold much of the window's noise,
     /// less for pixels much brighter than the centre, whose absolute errors would drown its own.
     #[inline(always)]
     fn trust_samples<S: Simd>(&mut self, simd: S, scale: f32) {
@@ -316,7 +316,7 @@ impl<'a> Solver<'a> {
         self.weights.extend_from_slice(self.samples.kernel());
         let noise = condition::weighted_sum(simd, &self.noise, self.samples.kernel());
         if noise > 0.0 {
-            let relative = options.noise_weight * condition::total(simd, self.samples.kernel()) / noise;
+            let relative = options.noise_weight / noise;
             self.weights.iter_mut().zip(&self.noise).for_each(|(w, v)| *w /= 1.0 + v * relative);
         }
         if pilot.is_some() {
