@@ -10,6 +10,12 @@
 //! a window that ends shows as an edge: relMSE ×0.987 over thirteen scenes of the tracer at 16 and 64 spp, up
 //! to ×0.9 in fog and out of focus, and the blocks that one saw there are gone; ×1.00 on five others.
 //!
+//! `[choice]` ξ_j is the error near the centre. Where the pilot is certain that a pixel is brighter than that, b
+//! against a in energy, it is held for (a + b)/2a times as large: dark fits that reach over the rim of something
+//! bright made it dark too. relMSE ×1.000 (five scenes at 16 to 256 spp) and ×0.989 (thirteen others), out of focus
+//! ×0.8; what bright defocused discs lose of their picture's light at 16 spp falls from 15 to 5 %. Certain by two
+//! estimated deviations: by none ×1.040 and ×0.994, for fireflies leave bright pixels in the pilot too.
+//!
 //! A grid of centres alone leaves pixels that no window reaches with any weight. After the grid every
 //! pixel whose summed kernel is under what is asked becomes a centre itself, unless it has next to no
 //! noise: then it stays as it is. `[choice]` such a centre gets the widest kernels alone: so little
@@ -21,9 +27,9 @@
 //! of a tile sees the centres of the grid and those it has added itself, not what other tiles add. So a
 //! pixel depends on pixels within a bounded distance alone, wherever the picture is cut.
 
-use super::solver::{Problem, Solver};
+use super::solver::{Pilot, Problem, Solver};
 use super::window::Window;
-use crate::image::{Plane, Rect, Rgb};
+use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::{Kernel, MAX_WINDOW_RADIUS};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -45,6 +51,9 @@ const RISK_FLOOR: f32 = 0.01;
 
 /// Risks are limited to this, so that their sums stay finite.
 const LARGEST_RISK: f32 = 1e30;
+
+/// Estimated deviations of the pilot by which a pixel is certainly brighter.
+const CERTAINTY: f32 = 2.0;
 
 /// How far below the darkest pixel of its window (or black) a prediction may lie, in dark levels.
 const SWING: f32 = 0.02;
@@ -74,10 +83,13 @@ impl Stage {
         std::array::from_fn(|c| self.targets[c].clone())
     }
 
-    /// The same, the rest given up.
-    pub fn into_color(self) -> Rgb {
+    /// What the next stage makes use of, the rest given up.
+    pub fn into_pilot(self) -> Pilot {
         let mut targets = self.targets.into_iter();
-        std::array::from_fn(|_| targets.next().expect("the colour is always a target"))
+        let color: Rgb = std::array::from_fn(|_| targets.next().expect("the colour is always a target"));
+        let mut certain = mean_of_channels(&color);
+        certain.combine(&self.mse, |light, mse| (light - CERTAINTY * mse.sqrt()).max(0.0));
+        Pilot { color, certain }
     }
 }
 
@@ -311,7 +323,9 @@ fn center(
 ) {
     let options = problem.options;
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
-    let mut amounts: Vec<f32> = vec![];
+    let (mut amounts, mut certain): (Vec<f32>, Vec<f32>) = (vec![], vec![]);
+    let energy = |light: f32| light.max(0.0).powi(2) + options.dark_level * options.dark_level;
+    let here = problem.pilot.map_or(f32::INFINITY, |pilot| energy(pilot.light(cx, cy)));
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
         let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);
@@ -320,11 +334,21 @@ fn center(
         let trust = if problem.pilot.is_some() { (xi + floor).powf(-options.risk_power) } else { 1.0 };
         let own = fitted.samples.of_frame(0);
         let spots = fitted.samples.spots(own.clone());
+        certain.clear();
+        certain.resize(own.len(), 0.0);
+        if let Some(pilot) = problem.pilot {
+            fitted.samples.gather(&pilot.certain, 0, 0.0, &mut certain);
+        }
         amounts.clear();
-        amounts.extend(spots.iter().zip(fitted.samples.kernel()).map(|(spot, k)| {
-            let [x, y] = spot.map(usize::from);
-            k * trust * taper[x] * taper[y]
-        }));
+        amounts.extend(spots.iter().zip(fitted.samples.kernel()).zip(&certain).map(
+            |((spot, k), certain)| {
+                let [x, y] = spot.map(usize::from);
+                let there = energy(*certain);
+                let dim =
+                    if there > here { (2.0 * here / (here + there)).powf(options.risk_power) } else { 1.0 };
+                k * trust * dim * taper[x] * taper[y]
+            },
+        ));
         for (t, predicted) in fitted.predicted.chunks_exact(own.len()).enumerate() {
             // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
             // do not join the average, and the coverage test sees the gap. Black blotches were what they left.

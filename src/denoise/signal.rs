@@ -85,7 +85,7 @@ impl Signal<'_> {
         for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
             observer.stage(Stage::Fit(n + 1));
             let last = n + 1 == options.stages.len();
-            let pilot = stage.take().map(reconstruct::Stage::into_color);
+            let pilot = stage.take().map(reconstruct::Stage::into_pilot);
             guides = guides.turned_to(kernels, self.guided(), options);
             // Only the last stage's operator is applied to the AOVs.
             let count = if last { self.targets.len() } else { 3 };

@@ -24,8 +24,8 @@ pub struct Problem<'a> {
     pub variance: &'a Rgb,
     /// The sum of its channels.
     pub noise: &'a Plane,
-    /// The previous stage's reconstruction of the colour.
-    pub pilot: Option<&'a Rgb>,
+    /// What the stage before has found.
+    pub pilot: Option<&'a Pilot>,
     /// Feature planes.
     pub features: &'a [Plane],
     /// What the stage's kernels compare.
@@ -38,6 +38,21 @@ pub struct Problem<'a> {
     pub basis: &'a Basis,
     /// All options.
     pub options: &'a Options,
+}
+
+/// What a stage has found, exposed.
+pub struct Pilot {
+    /// Its reconstruction of the colour.
+    pub color: Rgb,
+    /// The radiance, mean over the channels, that every pixel has for certain.
+    pub certain: Plane,
+}
+
+impl Pilot {
+    /// The radiance of a pixel, mean over the channels.
+    pub fn light(&self, x: usize, y: usize) -> f32 {
+        self.color.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0
+    }
 }
 
 /// How fast a frame beside loses weight in windows where the light has changed in part. Its samples would be
@@ -226,7 +241,7 @@ impl<'a> Solver<'a> {
     fn gather(&mut self, window: &Window, albedo: Option<&Rgb>) {
         let Problem { targets, pilot, variance, noise, features, basis, beside, .. } = self.problem;
         let (stride, p) = (self.samples.stride(), basis.columns());
-        let r = targets.len() + pilot.map_or(0, |pilot| pilot.len());
+        let r = targets.len() + pilot.map_or(0, |pilot| pilot.color.len());
         // Every sample of every column is written below: only what fills up the vectors is not.
         self.columns.resize((p + r) * stride, 0.0);
         let samples = self.samples.len();
@@ -257,7 +272,7 @@ impl<'a> Solver<'a> {
         let stride = samples.stride();
         let (design, rhs) = self.columns.split_at_mut(basis.columns() * stride);
         basis.fill(samples, frame, features, |f| centre[f].get(window.cx, window.cy), design);
-        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.iter()));
+        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.color.iter()));
         for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
             samples.gather(plane, frame, 0.0, &mut column[part.clone()]);
         }

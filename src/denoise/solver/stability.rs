@@ -10,7 +10,7 @@ use super::*;
 use crate::denoise::gram::Tier;
 use crate::denoise::guides::Guided;
 use crate::denoise::risk::RISK_RESOLUTION;
-use crate::image::sum_of_channels;
+use crate::image::{mean_of_channels, sum_of_channels};
 use crate::options::OrderChoice;
 use cases::Case;
 use nalgebra::{DMatrix, DVector};
@@ -127,11 +127,12 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
     };
     let guides = Guides::default().turned_to([&KERNEL], guided, &options);
     let noise = sum_of_channels(&case.variance);
+    let pilot = Pilot { color: case.pilot.clone(), certain: mean_of_channels(&case.pilot) };
     let problem = Problem {
         targets: &case.color.each_ref(),
         variance: &case.variance,
         noise: &noise,
-        pilot: with_pilot.then_some(&case.pilot),
+        pilot: with_pilot.then_some(&pilot),
         features: &case.features,
         guides: &guides,
         albedo: None,
@@ -194,7 +195,7 @@ impl Exact {
         let targets: Vec<_> = case.color.iter().map(plane).collect();
         Self {
             models: (0..=basis.max_order()).map(|order| oracle.model(basis.columns_up_to(order))).collect(),
-            reference: pilot.map_or_else(|| targets.clone(), |pilot| pilot.iter().map(plane).collect()),
+            reference: pilot.map_or_else(|| targets.clone(), |pilot| pilot.color.iter().map(plane).collect()),
             pixels,
             oracle,
             targets,
