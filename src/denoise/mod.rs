@@ -354,19 +354,14 @@ fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
     [own.of_stages(stages, size, radius), halved.of_stages(stages, blocks.size(), radius)]
 }
 
-/// Brings back the detail and then the light that the residual shows to be lost, in every target alike.
+/// Brings back the detail that the residual shows to be lost, in every target alike.
 fn restore_lost(result: &mut reconstruct::Stage, clean: &Clean<'_>, signal: &Signal<'_>) {
     let variance = &signal.smoothed;
-    let shares = restore::detail_shares(&clean.color, &result.color(), &signal.variance, variance);
+    let shares = restore::shares(&clean.color, &result.color(), &signal.variance, variance);
     for (plane, noisy) in result.targets.iter_mut().zip(targets(clean)) {
         restore::blend(plane, noisy, &shares);
     }
     restore::blend(&mut result.mse, &mean_of_channels(variance), &shares);
-    let factors: Rgb =
-        std::array::from_fn(|c| restore::light_factors(&clean.color[c], &result.targets[c], &variance[c]));
-    for (t, plane) in result.targets.iter_mut().enumerate() {
-        plane.combine(&factors[t % 3], |value, factor| value * factor);
-    }
 }
 
 /// The feature planes of the design, filtered, those that are constant left out; and the albedo, its
