@@ -232,7 +232,7 @@ impl Options {
         ("published", Self::published),
     ];
 
-    /// One kernel a stage on fewer centres, no cubic, no coarse picture: relMSE ×1.12 (18 scenes at 16 to 256 spp) in
+    /// One kernel a stage on fewer centres, no cubic, no coarse picture: relMSE ×1.15 (18 scenes at 16 to 256 spp) in
     /// 0.35 to 0.5 of the time, of which half is reading and writing.
     pub fn fast() -> Self {
         let [color, _, albedo] = Kernel::FAMILIES;
@@ -247,7 +247,7 @@ impl Options {
         }
     }
 
-    /// Larger windows and more centres: relMSE ×0.995 (18 scenes at 16 to 256 spp) in 1.2 to 1.4 times the time.
+    /// Larger windows and more centres: relMSE ×0.997 (18 scenes at 16 to 256 spp) in 1.2 to 1.4 times the time.
     pub fn best() -> Self {
         Self { window_radius: 8, min_coverage: 16.0, ..Self::default() }
     }
