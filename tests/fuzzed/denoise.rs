@@ -138,6 +138,9 @@ impl Bytes<'_> {
             options.albedo_floor = self.float();
             options.variance_radius = self.below(17);
         }
+        if changed & 64 != 0 {
+            options.outliers.share = self.float();
+        }
         options
     }
 }

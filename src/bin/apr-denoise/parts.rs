@@ -282,10 +282,10 @@ impl Planes {
     /// Bytes for each pixel that is read, when most is held. That is while features are filtered: the planes as they
     /// were read, the filtered ones, the albedo, the variance and what is smoothed of it; or in the last stage: what fits
     /// read, the guides of colour, of colour over albedo and of the features, the pilot, the sums and their coverage; or,
-    /// with many components, at its end: what fits read, the sums and the result. Of 31 channels it is 60 planes, measured,
-    /// where this tells 65.
+    /// with many components, at its end: what fits read, the sums and the result. Of 31 channels it is 61 planes, measured,
+    /// where this tells 66.
     fn per_pixel(&self) -> usize {
-        let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 3, 1, 1);
+        let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 4, 1, 1);
         let targets = 3 + self.aovs;
         let (sums, result) = (targets + 4, targets + 2);
         let filtering = self.all + self.features + albedo + variance + smoothed;
