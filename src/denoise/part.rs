@@ -5,7 +5,7 @@
 //!
 //! | what | looks | why |
 //! |---|---|---|
-//! | restored detail | 2 + 1 | two means, one of the other |
+//! | restored detail | 7 + 1 | two means, one of the other |
 //! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
 //! | weights | p, 1 at least | patches, and slopes of features |
