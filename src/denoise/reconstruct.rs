@@ -324,21 +324,21 @@ fn center(
     let options = problem.options;
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
     let (mut amounts, mut certain): (Vec<f32>, Vec<f32>) = (vec![], vec![]);
-    let energy = |light: f32| light.max(0.0).powi(2) + options.dark_level * options.dark_level;
+    let dark = options.dark_level * options.dark_level;
+    let energy = |light: f32| light.max(0.0).powi(2) + dark;
+    let floor = RISK_FLOOR * options.dark_level * options.dark_level;
     let here = problem.pilot.map_or(f32::INFINITY, |pilot| energy(pilot.light(cx, cy)));
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
         let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);
-        let floor = RISK_FLOOR * options.dark_level * options.dark_level;
-        // In the first stage the risk is that of noisy data: it would favour chance.
-        let trust = if problem.pilot.is_some() { (xi + floor).powf(-options.risk_power) } else { 1.0 };
         let own = fitted.samples.of_frame(0);
         let spots = fitted.samples.spots(own.clone());
-        certain.clear();
         certain.resize(own.len(), 0.0);
-        if let Some(pilot) = problem.pilot {
+        // In the first stage the risk is that of noisy data: it would favour chance.
+        let trust = problem.pilot.map_or(1.0, |pilot| {
             fitted.samples.gather(&pilot.certain, 0, 0.0, &mut certain);
-        }
+            (xi + floor).powf(-options.risk_power)
+        });
         amounts.clear();
         amounts.extend(spots.iter().zip(fitted.samples.kernel()).zip(&certain).map(
             |((spot, k), certain)| {

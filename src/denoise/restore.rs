@@ -39,8 +39,8 @@ const PIXELS: f32 = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
 /// Radius over which the shares are averaged.
 const SHARE_RADIUS: usize = 1;
 
-/// How far around a pixel the shares look.
-pub const REACH: usize = if NOISE_RADIUS > RADIUS { NOISE_RADIUS } else { RADIUS } + SHARE_RADIUS;
+/// How far around a pixel the shares look: the wider of the two means, and theirs.
+pub const REACH: usize = NOISE_RADIUS + SHARE_RADIUS;
 
 /// The share of the residual to give back at every pixel, 0 to 1; the noise is that of the `smoothed` variance.
 pub fn shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb, smoothed: &Rgb) -> Plane {

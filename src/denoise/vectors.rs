@@ -57,12 +57,15 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// Both shares are largest in fog, 7.6e-3 of the picture and 5.1e-2 of its error, at a few pixels by one another;
-    /// in the others at most 4.9e-4 and 1.4e-2. What stands at its threshold may tip: a column that is dropped, or
-    /// whether a pixel is covered.
+    /// What stands at its threshold may tip: a column that is dropped, or whether a pixel is covered. Something does
+    /// in fog, at a few pixels by one another: 7.6e-3 of the picture and 5.1e-2 of its error. In the others both shares
+    /// are at most 4.9e-4 and 1.4e-2.
     #[test]
-    fn a_picture_without_vectors_is_the_same_to_a_tenth_of_its_error() {
-        for name in ["fog_shaft", "foliage", "frosted_glass", "lens_table", "teapot_specular"] {
+    fn a_picture_without_vectors_is_the_same_to_a_fiftieth_of_its_error_but_for_what_tips() {
+        let tips = ("fog_shaft", [1e-2, 1e-1]);
+        let others =
+            ["foliage", "frosted_glass", "lens_table", "teapot_specular"].map(|name| (name, [1e-3, 2e-2]));
+        for (name, [picture_bound, error_bound]) in [tips].into_iter().chain(others) {
             let picture = picture(name);
             let widest = denoised(picture.frame(), Method::Apr, Arch::new());
             let color = || widest.color.iter().flat_map(Plane::data);
@@ -72,7 +75,8 @@ mod tests {
                 let pairs = color().zip(other.color.iter().flat_map(Plane::data));
                 let difference = rms(pairs.map(|(a, b)| a - b));
                 let (of_picture, of_error) = (difference / rms(color().copied()), difference / error);
-                assert!(of_picture < 1e-2 && of_error < 1e-1, "{name}: {of_picture:.1e}, {of_error:.1e}");
+                let told = format!("{name}: {of_picture:.1e}, {of_error:.1e}");
+                assert!(of_picture < picture_bound && of_error < error_bound, "{told}");
             }
         }
     }
