@@ -19,7 +19,7 @@ coverage='--cfg fuzzing -Cpasses=sancov-module -Cllvm-args=-sanitizer-coverage-l
 host=$(rustc -vV | sed -n 's/^host: //p')
 RUSTFLAGS=$(echo $coverage) cargo build --locked --release --manifest-path fuzz/Cargo.toml \
     --target-dir fuzz/target --target "$host"
-SEEDS=fuzz/corpus/seeds cargo test --locked --quiet --test found -- --ignored write_the_seeds
+SEEDS=fuzz/corpus/seeds cargo test --locked --quiet --test all -- --ignored write_the_seeds
 
 export RAYON_NUM_THREADS=1 # one thread's coverage is reproducible
 

@@ -1,13 +1,11 @@
 //! What every renderer's names come to.
 
-mod exr_files;
-
 use std::path::{Path, PathBuf};
 
+use crate::exr_files::{self, channels, float, layer, scan_lines, values, write_one};
 use apr::FeatureKind;
 use apr::io::{Picture, ReadOptions, Renderer, VarianceKind};
 use exr::prelude::*;
-use exr_files::{channels, float, layer, scan_lines, values, write_one};
 
 const SIZE: (usize, usize) = (6, 5);
 

@@ -6,13 +6,11 @@
 
 #![expect(clippy::print_stderr, reason = "a skipped test says so")]
 
-mod exr_files;
-
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use crate::exr_files::{bits, read_all};
 use exr::prelude::Text;
-use exr_files::{bits, read_all};
 
 /// Refused for what they are: deep data, and luminance without RGB.
 const REFUSED: [&str; 2] = ["openexr_Trunks_deep", "openexr_Garden_subsampled_luminance_chroma"];

@@ -1,16 +1,14 @@
 //! Components of the beauty go through its operator: what summed before sums after, in the file too.
 
-mod exr_files;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use crate::exr_files::*;
 use apr::error::ErrorKind;
 use apr::io::{FrameHeader, Picture, ReadOptions, write_frame};
 use apr::trace::{RenderOptions, Scene, render};
 use apr::{Frame, Options, denoise};
 use exr::prelude::*;
-use exr_files::*;
 
 /// Largest relative rounding of an f32 sum and of a half float: half a unit in the last place.
 const HALF_ROUNDING: f32 = 1.0 / 2048.0;

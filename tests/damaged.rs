@@ -1,17 +1,13 @@
 //! Truncated, damaged and hostile files: an error, soon, and in little memory.
 
-mod exr_files;
-#[path = "fuzzed/exr_to_frame.rs"]
-mod exr_to_frame;
-
 use std::path::Path;
 use std::sync::OnceLock;
 
+use crate::exr_files::*;
+use crate::fuzzed::exr_to_frame::read_and_write;
 use apr::ErrorKind;
 use apr::io::{Picture, ReadOptions};
 use exr::prelude::Compression;
-use exr_files::*;
-use exr_to_frame::read_and_write;
 use proptest::prelude::*;
 
 /// Small files of every codec.

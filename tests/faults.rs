@@ -1,16 +1,13 @@
 //! A full disk, a folder that takes nothing: the old result stays as it was, and nothing beside it.
-#![cfg(unix)]
 #![expect(clippy::print_stderr, reason = "a skipped test says so")]
-
-mod exr_files;
 
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::exr_files::{channels, float, layer, scan_lines, write_one};
 use exr::prelude::Compression;
-use exr_files::{channels, float, layer, scan_lines, write_one};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_apr-denoise");
 

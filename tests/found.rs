@@ -2,13 +2,11 @@
 //!
 //! `scripts/fuzz.sh` fuzzes the same functions with inputs of its own making.
 
-mod exr_files;
-mod fuzzed;
-
 use std::path::{Path, PathBuf};
 
+use crate::exr_files::{channels, layer, of_every_codec, scan_lines, whole, write_one};
+use crate::fuzzed;
 use exr::prelude::{AttributeValue, Compression, Text};
-use exr_files::{channels, layer, of_every_codec, scan_lines, whole, write_one};
 
 /// The kept inputs of a target.
 fn found(target: &str) -> Vec<PathBuf> {

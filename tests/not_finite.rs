@@ -1,13 +1,11 @@
 //! What is NaN or infinite in a render, in any of its layers: the result is finite, what was repaired is
 //! counted, channels that say nothing are named, and the rest of the picture stays as right as it was.
 
-mod exr_files;
-
 use std::path::Path;
 use std::process::Command;
 
+use crate::exr_files::{float, layer, read_all, scan_lines, write_one};
 use exr::prelude::{AttributeValue, Compression, Text};
-use exr_files::{float, layer, read_all, scan_lines, write_one};
 use serde_json::Value;
 
 const SIZE: (usize, usize) = (40, 32);

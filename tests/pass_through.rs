@@ -1,14 +1,12 @@
 //! Whatever is not the beauty comes out as it went in, bit for bit.
 
-mod exr_files;
-
 use std::path::Path;
 
+use crate::exr_files::*;
 use apr::image::{Plane, Rgb};
 use apr::io::{Picture, ReadOptions};
 use apr::{Denoised, Summary};
 use exr::prelude::*;
-use exr_files::*;
 
 /// A result that no input has.
 fn result(picture: &Picture) -> Denoised {

@@ -1,12 +1,10 @@
 //! The program: exit codes, messages, reports.
 
-mod exr_files;
-
 use std::path::{Path, PathBuf};
 
+use crate::exr_files::{self, channels, layer, scan_lines, values, write_one};
 use assert_cmd::Command;
 use exr::prelude::{AttributeValue, Compression, Encoding, Text};
-use exr_files::{channels, layer, scan_lines, values, write_one};
 use serde_json::{Value, json};
 
 const SIZE: (usize, usize) = (24, 18);

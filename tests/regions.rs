@@ -1,10 +1,9 @@
 //! Regions of a picture, denoised apart and merged, and a picture denoised in bands: the very file, to the
 //! byte, of the picture denoised as a whole.
 
-mod exr_files;
-
 use std::path::{Path, PathBuf};
 
+use crate::exr_files::*;
 use apr::denoise::{Facts, Part, Silent, denoise_part};
 use apr::image::Rect;
 use apr::io::{Picture, ReadOptions, Survey, merge};
@@ -12,7 +11,6 @@ use apr::options::Kernel;
 use apr::{ErrorKind, Options, denoise};
 use assert_cmd::Command;
 use exr::prelude::*;
-use exr_files::*;
 
 /// Small windows and one stage: what is tested here is files.
 fn quick() -> Options {

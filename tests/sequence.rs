@@ -1,12 +1,10 @@
 //! Sequences: the bits of single runs, what is left out and why, and how a run goes on.
 
-mod exr_files;
-
 use std::path::PathBuf;
 
+use crate::exr_files::{channels, layer, scan_lines, write_one};
 use assert_cmd::Command;
 use exr::prelude::Compression;
-use exr_files::{channels, layer, scan_lines, write_one};
 use serde_json::Value;
 
 const SIZE: (usize, usize) = (24, 18);

@@ -1,13 +1,10 @@
 //! Runs that are stopped at any moment: the old result or the new one is there, and nothing else.
-#![cfg(unix)]
-
-mod exr_files;
 
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
+use crate::exr_files::{channels, float, layer, scan_lines, write_one};
 use exr::prelude::Compression;
-use exr_files::{channels, float, layer, scan_lines, write_one};
 
 fn start(input: &Path, output: &Path) -> Child {
     let mut command = Command::new(env!("CARGO_BIN_EXE_apr-denoise"));

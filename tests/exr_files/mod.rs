@@ -1,7 +1,5 @@
 //! EXR files made on the spot, and a reading of them that does not use the library under test.
 
-#![allow(dead_code, reason = "each test program uses its own part")]
-
 use std::path::Path;
 
 use exr::prelude::*;

@@ -1,7 +1,5 @@
 //! Arbitrary bytes as an EXR file: read as a frame, and written again if that can be done.
 
-#![allow(dead_code, reason = "each program that includes it uses its own part")]
-
 use std::path::Path;
 
 use apr::io::{Picture, ReadOptions, read_rgb};
