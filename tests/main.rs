@@ -1,4 +1,5 @@
-//! All tests of the library and its programs in one program: built in a fifth of the time of twenty. `cargo test --test all regions::` runs those of one file.
+//! All tests of the library and its programs in one program: built in a fifth of the time of twenty.
+//! `cargo test --test all regions::` runs those of one file.
 
 mod architecture;
 mod baseline;
