@@ -26,40 +26,46 @@ pub fn centre<S: Simd>(simd: S, column: &mut [f32], weights: &[f32], total: f32)
 #[inline(always)]
 pub fn weighted_sum<S: Simd>(simd: S, column: &[f32], weights: &[f32]) -> f32 {
     let (column, weights) = (S::as_simd_f32s(column).0, S::as_simd_f32s(weights).0);
-    let at_once = at_once::<S>();
+    let turns = turns::<S>();
     let mut sums = [simd.splat_f32s(0.0); LANES];
-    for (x, w) in column.chunks_exact(at_once).zip(weights.chunks_exact(at_once)) {
-        for k in 0..at_once {
+    for (x, w) in column.chunks_exact(turns).zip(weights.chunks_exact(turns)) {
+        for k in 0..turns {
             sums[k] = simd.mul_add_e_f32s(w[k], x[k], sums[k]);
         }
     }
-    joined(simd, &sums[..at_once])
+    joined(simd, sums)
 }
 
 /// Σ w, lane by lane.
 #[inline(always)]
 pub fn total<S: Simd>(simd: S, weights: &[f32]) -> f32 {
-    let at_once = at_once::<S>();
+    let turns = turns::<S>();
     let mut sums = [simd.splat_f32s(0.0); LANES];
-    for w in S::as_simd_f32s(weights).0.chunks_exact(at_once) {
-        for k in 0..at_once {
+    for w in S::as_simd_f32s(weights).0.chunks_exact(turns) {
+        for k in 0..turns {
             sums[k] = simd.add_f32s(sums[k], w[k]);
         }
     }
-    joined(simd, &sums[..at_once])
+    joined(simd, sums)
 }
 
 /// Vectors that make [`LANES`] sums, however narrow they are: a sum of all samples one behind the other would
 /// round more.
 #[inline(always)]
-fn at_once<S: Simd>() -> usize {
+fn turns<S: Simd>() -> usize {
     LANES * size_of::<f32>() / size_of::<S::f32s>()
 }
 
-/// The sum of all lanes.
+/// The sum of all [`LANES`] lanes by halves, in the order in which those of one vector are added: the bits do not
+/// depend on its width.
 #[inline(always)]
-fn joined<S: Simd>(simd: S, sums: &[S::f32s]) -> f32 {
-    simd.reduce_sum_f32s(sums.iter().fold(simd.splat_f32s(0.0), |all, &sum| simd.add_f32s(all, sum)))
+fn joined<S: Simd>(simd: S, mut sums: [S::f32s; LANES]) -> f32 {
+    let mut half = turns::<S>() / 2;
+    while half > 0 {
+        (0..half).for_each(|k| sums[k] = simd.add_f32s(sums[k], sums[k + half]));
+        half /= 2;
+    }
+    simd.reduce_sum_f32s(sums[0])
 }
 
 /// Σ w x², lane by lane in `f64`: what explains nearly all of it is subtracted from it.
@@ -124,6 +130,19 @@ mod tests {
         level(pulp::Scalar, &mut column, &weights);
         assert_eq!(column[0], 3e-20 * LARGEST_SCALE);
         assert!(column[3].is_finite());
+    }
+
+    #[test]
+    fn sums_do_not_depend_on_the_width() {
+        let [column, weights] =
+            [7, 11].map(|n| std::array::from_fn::<_, 240, _>(|i| ((i * i) % n) as f32 / 3.0));
+        fn sums<S: Simd>(simd: S, column: &[f32], weights: &[f32]) -> [u32; 2] {
+            [weighted_sum(simd, column, weights), total(simd, weights)].map(f32::to_bits)
+        }
+        let one = sums(pulp::Scalar, &column, &weights);
+        assert_eq!(sums(pulp::Scalar128b, &column, &weights), one);
+        assert_eq!(sums(pulp::Scalar256b, &column, &weights), one);
+        assert_eq!(sums(pulp::Scalar512b, &column, &weights), one);
     }
 
     #[test]
