@@ -45,9 +45,9 @@ impl<'a> Input<'a> {
         let facts = Facts::of(frame);
         let all = Rect::whole((frame.width(), frame.height()));
         let mut clean = sanitize::apply(frame.into(), &facts.known(), all, &mut summary);
-        let mut variance = variance::of_mean(&mut clean, &mut summary);
         let exposure = facts.exposure();
-        expose_all(&mut clean, &mut variance, exposure);
+        expose_all(&mut clean, exposure);
+        let variance = variance::of_mean(&mut clean, &mut summary);
         Self { frame, facts, clean, variance, exposure, summary }
     }
 

@@ -55,7 +55,12 @@ pub fn expose(plane: &mut Plane, factor: f32) {
 
 /// Multiplies a plane of variances by `factor`²; no larger than [`LARGEST_EXPOSED`] either.
 pub fn expose_variance(plane: &mut Plane, factor: f32) {
-    plane.change(|v| (v * factor * factor).min(LARGEST_EXPOSED));
+    plane.change(|v| limited_variance(v * factor * factor));
+}
+
+/// A variance of what is exposed, no larger than [`LARGEST_EXPOSED`] either.
+pub fn limited_variance(variance: f32) -> f32 {
+    variance.min(LARGEST_EXPOSED)
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 use super::energy::Energy;
 use super::exposure::Light;
 use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
-use super::variance::half_difference_squared;
 use crate::frame::{Feature, Frame};
 use crate::image::Plane;
 use rayon::prelude::*;
@@ -102,10 +101,10 @@ struct Noise {
 }
 
 impl Noise {
-    /// Adds a variance of some pixel.
-    fn add(&mut self, variance: f32) {
+    /// Adds a variance, or the distance of the halves, of some pixel.
+    fn add(&mut self, noise: f32) {
         self.known = true;
-        self.noisy |= variance > 0.0;
+        self.noisy |= noise > 0.0;
     }
 }
 
@@ -291,7 +290,8 @@ fn add_halves(
 ) {
     for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)).filter(|(noise, _)| !noise.noisy) {
         let pairs = a.row(y).iter().zip(b.row(y)).filter(|(a, b)| good(**a) && good(**b));
-        pairs.for_each(|(a, b)| noise.add(half_difference_squared(limited(*a), limited(*b))));
+        // Not by the square of the difference, which may be no number that there is.
+        pairs.for_each(|(a, b)| noise.add((limited(*a) - limited(*b)).abs()));
     }
 }
 

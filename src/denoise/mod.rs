@@ -175,6 +175,10 @@ fn run(
     );
     let gains = options.outliers.enabled.then(|| energy(facts, &ready, part)).transpose()?;
     let gains = gains.map(|energy| energy.gains(options.outliers.witnesses));
+    if let Some(share) = gains.as_ref().map(|gains| gains.share).filter(|share| *share < 1.0) {
+        let given = format!("{:.0} % of their energy is given back", 100.0 * share);
+        summary.notes.push(format!("outliers: too few to tell how much light is missing; {given}"));
+    }
     let Ready { clean, variance, smoothed, design, spreads, albedo, .. } = ready;
     let mut signal = Signal {
         targets: targets(&clean).map(Cow::Borrowed).collect(),
@@ -221,9 +225,8 @@ fn run(
         }
     }
     result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
-    exposure::expose(&mut result.mse, exposure.recip().powi(2));
-    // A factor out of range makes 0·∞, which is no number: min takes the other.
-    result.mse.change(|v| v.min(f32::MAX));
+    let back = exposure.recip(); // whose square may be out of range
+    result.mse.change(|v| (v * back * back).min(f32::MAX));
     Ok(assemble(outline, result, wanted, summary))
 }
 
@@ -270,13 +273,14 @@ fn repair<'a>(
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
     let mut clean = sanitize::apply(frame, known, wanted, summary);
+    expose(&mut clean, exposure);
+    let given = clean.variance.is_some();
     let mut variance = variance::of_mean(&mut clean, summary);
-    expose(&mut clean, &mut variance, exposure);
 
     // Outliers go, their energy is kept (Moon et al. 2016).
     observer.stage(Stage::Outliers);
     let outliers = if options.outliers.enabled {
-        outlier::find(&clean.color, &variance, clean.halves.as_ref(), options)
+        outlier::find(&clean.color, given.then_some(&variance), clean.halves.as_ref(), options)
     } else {
         vec![]
     };
@@ -417,12 +421,14 @@ fn targets_mut<'a>(clean: &'a mut Clean<'_>) -> impl Iterator<Item = &'a mut Pla
     clean.color.iter_mut().chain(clean.aovs.iter_mut().flatten())
 }
 
-pub(crate) fn expose(clean: &mut Clean<'_>, variance: &mut Rgb, factor: f32) {
+pub(crate) fn expose(clean: &mut Clean<'_>, factor: f32) {
     targets_mut(clean).for_each(|plane| exposure::expose(plane, factor));
     for plane in clean.halves.iter_mut().flatten().flatten() {
         exposure::expose(plane, factor);
     }
-    variance.iter_mut().for_each(|plane| exposure::expose_variance(plane, factor));
+    for plane in clean.variance.iter_mut().flatten() {
+        exposure::expose_variance(plane, factor);
+    }
 }
 
 fn unchanged(outline: Outline, clean: Clean<'_>, wanted: Rect, summary: Summary) -> Denoised {

@@ -37,26 +37,34 @@ pub struct Outlier {
     pub from: (usize, usize),
 }
 
-/// Lists the outliers of `color`, row by row.
-pub fn find(color: &Rgb, variance: &Rgb, halves: Option<&[Rgb; 2]>, options: &Options) -> Vec<Outlier> {
+/// Lists the outliers of `color`, row by row. The `variance` is every pixel's own, or none: one that was estimated
+/// from the pixels around is, beside an outlier, the outlier's. Without any nothing vouches for a pixel.
+pub fn find(
+    color: &Rgb,
+    variance: Option<&Rgb>,
+    halves: Option<&[Rgb; 2]>,
+    options: &Options,
+) -> Vec<Outlier> {
     let (width, height) = color[0].size();
     let intensity = mean_of_channels(color);
     let light = smooth(&intensity, options.window_radius);
     let pixels = (2 * options.window_radius + 1).pow(2) as f32;
     let deviation = Plane::par_from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
-        let own = variance.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0;
+        let own = variance.map_or(0.0, |v| v.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0);
         let half = halves.map_or(0.0, |[a, b]| {
             a.iter().zip(b).map(|(a, b)| a.get(x, y) - b.get(x, y)).sum::<f32>().abs() / 6.0
         });
         own.max(half)
     });
+    let vouched = variance.is_some() || halves.is_some();
     let rows: Vec<Vec<Outlier>> = (0..height)
         .into_par_iter()
         .map_init(Vec::new, |neighbours, y| {
             let judge = |x| {
                 let least = options.outliers.share * pixels * light.get(x, y);
-                judge(&intensity, &deviation, (x, y), least, neighbours, &options.outliers)
+                let most = if vouched { OWN_DEVIATIONS * deviation.get(x, y) } else { f32::INFINITY };
+                judge(&intensity, &deviation, (x, y), [least, most], neighbours, &options.outliers)
             };
             (0..width).filter_map(judge).collect()
         })
@@ -67,12 +75,12 @@ pub fn find(color: &Rgb, variance: &Rgb, halves: Option<&[Rgb; 2]>, options: &Op
 /// A neighbour's intensity, column and row, and its noise variance.
 type Neighbour = (f32, usize, usize, f32);
 
-/// The outlier at a pixel, whose excess must be more than `least`.
+/// The outlier at a pixel, whose excess must be more than `least` and, to be chance, less than `most`.
 fn judge(
     intensity: &Plane,
     deviation: &Plane,
     (x, y): (usize, usize),
-    least: f32,
+    [least, most]: [f32; 2],
     neighbours: &mut Vec<Neighbour>,
     options: &OutlierOptions,
 ) -> Option<Outlier> {
@@ -105,8 +113,7 @@ fn judge(
     let spread = trusted.iter().map(|t| (t.0 - mean).powi(2)).sum::<f32>() / n;
     let spread = spread.max(trusted.iter().map(|t| t.3).sum::<f32>() / n).sqrt();
     let excess = own - mean;
-    let chance = excess < OWN_DEVIATIONS * deviation.get(x, y);
-    (chance && excess > least.max(options.deviations * spread)).then(|| {
+    (excess < most && excess > least.max(options.deviations * spread)).then(|| {
         let median = neighbours[neighbours.len() / 2];
         Outlier { x, y, from: (median.1, median.2) }
     })
@@ -138,7 +145,7 @@ mod tests {
             grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x * 5 + y * 3) % 7) as f32 });
         let variance = grey(|x, y| if (x, y) == (5, 4) { 900.0 * 900.0 * 2.0 } else { 1e-4 });
         let options = Options::default();
-        let outliers = find(&color, &variance, None, &options);
+        let outliers = find(&color, Some(&variance), None, &options);
         assert_eq!(outliers.iter().map(|o| (o.x, o.y)).collect::<Vec<_>>(), [(5, 4)]);
         for plane in &mut color {
             let before: f64 = plane.data().iter().map(|&v| f64::from(v)).sum();
@@ -155,7 +162,7 @@ mod tests {
             let color = grey(|x, y| if (x * 5 + y * 7 + 3) % one_in == 3 { 60.0 } else { 1.0 });
             let variance = color.each_ref().map(|c| Plane::from_fn(12, 9, |x, y| c.get(x, y).powi(2) / 9.0));
             let outliers = OutlierOptions { deviations: 5.0, share, ..OutlierOptions::default() };
-            find(&color, &variance, None, &Options { outliers, ..Options::default() }).len()
+            find(&color, Some(&variance), None, &Options { outliers, ..Options::default() }).len()
         };
         // A bright pixel by itself has a seventh of the light of a window, one of every 31 a fourteenth.
         assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, 1000)), [1, 1, 0]);
@@ -166,10 +173,13 @@ mod tests {
     fn a_highlight_that_its_own_small_variance_vouches_for_stays() {
         let color = grey(|x, y| if (x, y) == (5, 4) { 900.0 } else { 1.0 + 0.01 * ((x + y) % 3) as f32 });
         let variance = grey(|_, _| 1e-2);
-        assert!(find(&color, &variance, None, &Options::default()).is_empty());
+        assert!(find(&color, Some(&variance), None, &Options::default()).is_empty());
         // Half buffers that disagree take the vouching back.
         let half = |v: f32| grey(move |x, y| if (x, y) == (5, 4) { v } else { 1.0 });
         let halves = [half(1800.0), half(0.0)];
-        assert_eq!(find(&color, &variance, Some(&halves), &Options::default()).len(), 1);
+        assert_eq!(find(&color, Some(&variance), Some(&halves), &Options::default()).len(), 1);
+        assert_eq!(find(&color, None, Some(&halves), &Options::default()).len(), 1);
+        assert_eq!(find(&color, None, Some(&[half(900.0), half(900.0)]), &Options::default()).len(), 0);
+        assert_eq!(find(&color, None, None, &Options::default()).len(), 1, "nothing vouches for it");
     }
 }

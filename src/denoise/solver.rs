@@ -331,7 +331,7 @@ impl<'a> Solver<'a> {
         self.weights.extend_from_slice(self.samples.kernel());
         let noise = condition::weighted_sum(simd, &self.noise, self.samples.kernel());
         if noise > 0.0 {
-            let relative = options.noise_weight / noise;
+            let relative = (options.noise_weight / noise).min(f32::MAX); // noise may be no normal number
             self.weights.iter_mut().zip(&self.noise).for_each(|(w, v)| *w /= 1.0 + v * relative);
         }
         if pilot.is_some() {

@@ -1,5 +1,6 @@
 //! The variance of the colour's mean: given, from half buffers, or from the picture itself.
 
+use super::exposure::limited_variance;
 use super::sanitize::Clean;
 use super::vectors;
 use crate::frame::Summary;
@@ -32,7 +33,11 @@ pub fn of_mean(clean: &mut Clean<'_>, summary: &mut Summary) -> Rgb {
     }
     if let Some([a, b]) = &clean.halves {
         summary.notes.push("variance: from the half buffers, averaged over 7×7 pixels".into());
-        return std::array::from_fn(|c| smooth(&from_halves(&a[c], &b[c]), ESTIMATE_RADIUS));
+        return std::array::from_fn(|c| {
+            let mut squares = from_halves(&a[c], &b[c]);
+            squares.change(limited_variance);
+            smooth(&squares, ESTIMATE_RADIUS)
+        });
     }
     summary.notes.push(
         "variance: estimated from the picture itself, which takes detail that no feature shows for noise"
@@ -46,7 +51,7 @@ pub fn from_halves(a: &Plane, b: &Plane) -> Plane {
     Plane::par_from_fn(a.width(), a.height(), |x, y| half_difference_squared(a.get(x, y), b.get(x, y)))
 }
 
-/// ((a − b)/2)².
+/// ((a − b)/2)²; may be infinite.
 pub fn half_difference_squared(a: f32, b: f32) -> f32 {
     let half = 0.5 * (a - b);
     half * half
@@ -69,7 +74,7 @@ fn from_picture(color: &Plane) -> Plane {
                 sum += u * v * at(x as isize + i as isize - 1, y as isize + j as isize - 1);
             }
         }
-        (sum / 6.0).powi(2).min(f32::MAX)
+        limited_variance((sum / 6.0).powi(2))
     });
     smooth(&high_pass, HIGH_PASS_RADIUS)
 }
@@ -80,7 +85,7 @@ fn from_picture(color: &Plane) -> Plane {
 /// without their variances).
 pub fn from_residual(noisy: &Plane, fit: &Plane, before: &Plane) -> Plane {
     let squares = Plane::par_from_fn(noisy.width(), noisy.height(), |x, y| {
-        (noisy.get(x, y) - fit.get(x, y)).powi(2).min(f32::MAX)
+        limited_variance((noisy.get(x, y) - fit.get(x, y)).powi(2))
     });
     let mut variance = smooth(&squares, RESIDUAL_RADIUS);
     variance.combine(before, |left, before| before.min(RESIDUAL_GAIN * left));

@@ -143,12 +143,20 @@ pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [
     })
 }
 
-/// Takes `trust` away where a pixel is the very same in spite of its `noise`: a copy, from a repeated frame or
-/// seed, tells nothing new.
+/// Takes `trust` away where most pixels around are the very same in spite of their `noise`: a copy, from a repeated
+/// frame or seed, tells nothing new. Not by single pixels: light that comes in few sizes is often the same by
+/// chance, and without those pairs the others' mean is too bright. What is black in both tells neither.
 pub fn distrust_copies(trust: &mut Plane, [here, there]: [&Rgb; 2], noise: &Rgb) {
-    for (i, trust) in trust.data_mut().iter_mut().enumerate() {
-        let noisy = noise.iter().any(|v| v.data()[i] > 0.0);
-        if noisy && (0..3).all(|c| here[c].data()[i] == there[c].data()[i]) {
+    let (width, height) = trust.size();
+    let any = |rgb: &Rgb, x: usize, y: usize| rgb.iter().any(|plane| plane.get(x, y) != 0.0);
+    let tells = |x, y| any(noise, x, y) && (any(here, x, y) || any(there, x, y));
+    let same = |x, y| here.iter().zip(there).all(|(here, there)| here.get(x, y) == there.get(x, y));
+    let share = |holds: &(dyn Fn(usize, usize) -> bool + Sync)| {
+        smooth(&Plane::par_from_fn(width, height, |x, y| f32::from(holds(x, y))), LIGHT_RADIUS)
+    };
+    let (all, copies) = (share(&tells), share(&|x, y| tells(x, y) && same(x, y)));
+    for ((trust, copies), all) in trust.data_mut().iter_mut().zip(copies.data()).zip(all.data()) {
+        if *copies > 0.5 * all {
             *trust = 0.0;
         }
     }
@@ -252,5 +260,19 @@ mod tests {
         assert_eq!(trust, all);
         distrust_copies(&mut trust, [&here, &here.clone()], &variance);
         assert_eq!(trust, plane(|_, _| 0.0));
+    }
+
+    #[test]
+    fn sparse_light_of_one_size_is_no_copy() {
+        let hit = |x: usize, y: usize, seed: usize| {
+            if (x * 31 + y * 17 + seed * 7).is_multiple_of(4) { 1.0 } else { 0.0 }
+        };
+        let (here, there) = (grey(|x, y| hit(x, y, 1)), grey(|x, y| hit(x * x, y + 3 * x, 2)));
+        let same = (0..SIZE.0 * SIZE.1).filter(|&i| here[0].data()[i] == there[0].data()[i]);
+        assert!(same.count() > 90, "most are black in both");
+        let all = plane(|_, _| 1.0);
+        let mut trust = all.clone();
+        distrust_copies(&mut trust, [&here, &there], &grey(|_, _| 0.1));
+        assert_eq!(trust, all);
     }
 }
