@@ -198,3 +198,23 @@ fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
         assert!(output.status.code() == Some(2) && said.contains(why), "{said}");
     }
 }
+
+#[test]
+fn files_that_would_replace_each_other_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));
+    let before = std::fs::read(&scene).unwrap();
+    let checkpoint = folder.path().join("out.exr.checkpoint");
+    for (report, words) in [
+        (&scene, "the report and the scene"),
+        (&out, "the report and the picture"),
+        (&checkpoint, "the checkpoint and the report"),
+    ] {
+        let mut command = program();
+        command.arg(&scene).arg(&out).args(["--reference", "2", "--report"]).arg(report);
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
+        assert!(std::fs::read(&scene).unwrap() == before && !out.exists());
+    }
+}

@@ -20,9 +20,11 @@ mod shot;
 mod signals;
 mod signature;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use apr::error::{Error, ErrorKind, Result};
+use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
 use plan::Plan;
@@ -38,12 +40,18 @@ fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse();
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions }), _) => {
-            apr::io::merge(output, regions).map(|()| ExitCode::SUCCESS)
-        }
+        (Some(Command::Merge { output, regions }), _) => merge(output, regions),
         (None, Some(arguments)) => denoise(arguments),
         (None, None) => unreachable!("clap asks for one of them"),
     })
+}
+
+fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
+    let read = regions.iter().map(|path| RunFile { role: "a region", path });
+    io::check_apart(read, [RunFile { role: "the picture", path: output }])
+        .map_err(|error| error.remedy("give the picture a name of its own"))?;
+    io::check_target(output)?;
+    io::merge(output, regions).map(|()| ExitCode::SUCCESS)
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {

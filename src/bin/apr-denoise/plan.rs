@@ -1,10 +1,10 @@
 //! What is to be done, frame by frame, settled and checked before any work.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use apr::error::{Error, ErrorKind, Result};
-use apr::io;
+use apr::io::{self, RunFile};
 
 use crate::arguments::{Arguments, Missing};
 use crate::frames::FrameSet;
@@ -150,8 +150,15 @@ impl Plan {
     /// The frame `offset` after that of `job`, if all its files are there.
     pub fn beside(&self, job: &Job, offset: i32) -> Option<Job> {
         let beside = self.names.job(Some(job.frame?.checked_add(offset)?));
-        let there = beside.sources().all(|path| path.exists());
+        let there = beside.sources().all(|source| source.path.exists());
         there.then_some(beside)
+    }
+
+    /// The frames up to `reach` before and after that of `job`, as far as there is no gap.
+    fn all_beside(&self, job: &Job, reach: u8) -> Vec<Job> {
+        let side =
+            |sign: i32| (1..=i32::from(reach)).map_while(move |offset| self.beside(job, sign * offset));
+        side(-1).chain(side(1)).collect()
     }
 
     /// The signature of the result of `job` in a run of `signature`, which looks at `reach` frames on both sides.
@@ -168,7 +175,8 @@ impl Plan {
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
         let mut there = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
-            let gone = job.sources().find(|path| !path.exists()).cloned();
+            let gone = job.sources().map(|source| source.path).find(|path| !path.exists());
+            let gone = gone.map(Path::to_owned);
             match gone {
                 Some(path) => self.missing.push((job, path)),
                 None => there.push(job),
@@ -195,20 +203,14 @@ impl Plan {
     /// `Usage` when results would overwrite each other or an input that is still needed, or were made
     /// by other settings; `Unwritable` when a folder takes no file.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
-        self.check_collisions()?;
-        if let Some(job) = self.jobs.iter().find(|job| arguments.temporal > 0 && job.output == job.input) {
-            return Err(usage(
-                "--temporal reads frames after their turn, and they would be denoised already",
-            )
-            .remedy("give the results names of their own")
-            .in_file(&job.output));
-        }
+        self.check_in_place(arguments)?;
+        self.check_collisions(arguments)?;
         if arguments.skip_existing {
             self.take_out_finished(signature, arguments.temporal)?;
         }
         let mut seen = HashSet::new();
-        let all = self.jobs.iter().flat_map(Job::targets);
-        for target in all.chain(&arguments.sequence_report) {
+        let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
+        for target in all.chain(arguments.sequence_report.as_deref()) {
             // One try in each folder is enough, but a folder in a file's place is told for each.
             if seen.insert(target.parent()) || target.is_dir() {
                 io::check_target(target)?; // better now than after the work
@@ -217,28 +219,33 @@ impl Plan {
         Ok(())
     }
 
-    fn check_collisions(&self) -> Result<()> {
-        let mut targets: HashSet<&Path> = HashSet::new();
-        for job in &self.jobs {
-            for target in job.targets() {
-                if !targets.insert(target) {
-                    return Err(usage("several results would be written here")
-                        .remedy("give outputs and reports different names, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
-                        .in_file(target));
-                }
+    /// Checks that no result takes the place of its input where that would lose something.
+    fn check_in_place(&self, arguments: &Arguments) -> Result<()> {
+        let why = match arguments.region {
+            Some(_) => "the region alone would replace the whole picture",
+            None if arguments.temporal > 0 => {
+                "--temporal reads frames after their turn, and they would be denoised already"
             }
-        }
-        let read_by: HashMap<&Path, Option<i32>> =
-            self.jobs.iter().flat_map(|job| job.sources().map(|path| (path.as_path(), job.frame))).collect();
-        for job in &self.jobs {
-            let own_input = job.output == job.input;
-            if !own_input && read_by.contains_key(job.output.as_path()) {
-                return Err(usage("is an input as well as a result")
-                    .remedy("give the results names of their own")
-                    .in_file(&job.output));
-            }
-        }
-        Ok(())
+            None => return Ok(()),
+        };
+        let in_place = self.jobs.iter().find(|job| job.is_in_place());
+        in_place.map_or(Ok(()), |job| {
+            Err(usage(why).remedy("give the results names of their own").in_file(&job.output))
+        })
+    }
+
+    /// In place a result takes its own input's name and nothing else.
+    fn check_collisions(&self, arguments: &Arguments) -> Result<()> {
+        let beside_of = |job| self.all_beside(job, arguments.temporal);
+        let all_beside: Vec<Job> = self.jobs.iter().flat_map(beside_of).collect();
+        let of_frames = self.frames().flat_map(|job| job.sources().skip(usize::from(job.is_in_place())));
+        let options = arguments.options.iter().map(|path| file("the options", path));
+        let beside = all_beside.iter().flat_map(Job::sources);
+        let sequence_report = arguments.sequence_report.iter().map(|path| file("the sequence report", path));
+        let targets = self.jobs.iter().flat_map(Job::targets).chain(sequence_report);
+        io::check_apart(of_frames.chain(beside).chain(options), targets).map_err(|error| {
+            error.remedy("give outputs and reports names of their own, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
+        })
     }
 
     fn take_out_finished(&mut self, signature: &str, reach: u8) -> Result<()> {
@@ -257,7 +264,7 @@ impl Plan {
                     if whole { self.finished.push(job) } else { to_do.push(job) }
                 }
                 Some(found) if signature::only_neighbours_differ(&found, &wanted) => to_do.push(job),
-                None if job.output == job.input => to_do.push(job), // not denoised in place yet
+                None if job.is_in_place() => to_do.push(job), // not denoised in place yet
                 found => by_others.push((job, signature::difference(found.as_deref(), &wanted))),
             }
         }
@@ -272,14 +279,23 @@ impl Plan {
 }
 
 impl Job {
-    /// All files that are read for it.
-    fn sources(&self) -> impl Iterator<Item = &PathBuf> {
-        std::iter::once(&self.input).chain(&self.half).chain(&self.with)
+    /// All files that are read for it, the input first.
+    fn sources(&self) -> impl Iterator<Item = RunFile<'_>> {
+        let half = self.half.iter().map(|path| file("the half", path));
+        let with = self.with.iter().map(|path| file("a file of --with", path));
+        std::iter::once(file("the input", &self.input)).chain(half).chain(with)
     }
 
     /// All files that are written for it.
-    fn targets(&self) -> impl Iterator<Item = &PathBuf> {
-        std::iter::once(&self.output).chain(&self.report).chain(&self.sampling_map)
+    fn targets(&self) -> impl Iterator<Item = RunFile<'_>> {
+        let report = self.report.iter().map(|path| file("the report", path));
+        let map = self.sampling_map.iter().map(|path| file("the sampling map", path));
+        std::iter::once(file("the result", &self.output)).chain(report).chain(map)
+    }
+
+    /// Whether the result replaces the input.
+    fn is_in_place(&self) -> bool {
+        io::is_same_file(&self.output, &self.input)
     }
 
     /// How messages call it.
@@ -297,6 +313,10 @@ fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<V
             .in_file(input));
     }
     Ok(found.iter().map(Some).collect())
+}
+
+fn file<'a>(role: &'a str, path: &'a Path) -> RunFile<'a> {
+    RunFile { role, path }
 }
 
 fn usage(what: &str) -> Error {

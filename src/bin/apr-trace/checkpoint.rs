@@ -18,15 +18,20 @@ pub struct Checkpoint {
     key: Vec<u8>,
 }
 
+/// Where it is; none unless the render is a reference.
+pub fn path(args: &Args) -> Option<PathBuf> {
+    let mut path = args.out.clone().filter(|_| args.reference.is_some())?.into_os_string();
+    path.push(".checkpoint");
+    Some(path.into())
+}
+
 impl Checkpoint {
     /// Of a render of `scene` with these; none unless it is a reference.
     pub fn new(args: &Args, options: &RenderOptions, scene: &Scene) -> Self {
-        let out = args.out.as_ref().filter(|_| args.reference.is_some());
-        let path = out.map(|out| PathBuf::from(format!("{}.checkpoint", out.display())));
         let what = RenderOptions { spp: 0, ..options.clone() };
         let key = format!("apr-trace checkpoint 1\n{:016x}\n{what:?}\n", scene.fingerprint()).into_bytes();
         let every = Duration::try_from_secs_f64(args.checkpoint_every.max(0.0)).unwrap_or(Duration::MAX);
-        Self { path, every, saved: Instant::now(), key }
+        Self { path: path(args), every, saved: Instant::now(), key }
     }
 
     /// Takes up the film of an earlier run, if there is one, towards `spp` samples per pixel; how many of

@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use apr::adaptive::AdaptiveOptions;
-use apr::io::{FrameHeader, check_target, read_counts, write_bytes, write_frame};
+use apr::io::{FrameHeader, RunFile, check_apart, check_target, read_counts, write_bytes, write_frame};
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
@@ -141,7 +141,7 @@ fn run(args: &Args) -> Result<()> {
         print_plan(&Plan::new(&scene, &options));
         return Ok(());
     };
-    check_target(out)?; // before hours of work, not after
+    check_files(args, out)?; // before hours of work, not after
     let threads = args.threads.unwrap_or(0) as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;
@@ -165,6 +165,20 @@ fn run(args: &Args) -> Result<()> {
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
     let drawn = Drawn { all: rendered.samples, now: rendered.samples - taken_up, time: start.elapsed() };
     finish(args, out, &rendered, rounds.as_ref(), &drawn)
+}
+
+/// Checks that every file can be written and destroys nothing that is read, nor another one.
+fn check_files(args: &Args, out: &Path) -> Result<()> {
+    let file = |role| move |path| RunFile { role, path };
+    let checkpoint = checkpoint::path(args);
+    let read = std::iter::once(&args.scene).map(|path| file("the scene")(path.as_path()));
+    let read = read.chain(args.spp_map.as_deref().map(file("the map of samples")));
+    let report = args.report.as_deref().map(file("the report"));
+    let beside = report.into_iter().chain(checkpoint.as_deref().map(file("the checkpoint")));
+    let written: Vec<RunFile> = std::iter::once(file("the picture")(out)).chain(beside).collect();
+    check_apart(read, written.iter().copied())
+        .map_err(|error| error.remedy("give what is written a name of its own"))?;
+    written.iter().try_for_each(|file| check_target(file.path))
 }
 
 fn print_plan(plan: &Plan) {
