@@ -7,14 +7,14 @@
 //! hold on one machine alone, another one may take a live file for a killed run's; then the rename fails
 //! and says so, but nothing half-written is ever published.
 
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File, Metadata, TryLockError};
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{BufWriter, ErrorKind as Cause, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::attributes;
-use super::places::folder;
+use super::places::{folder, followed};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The ending of temporary files.
@@ -76,17 +76,22 @@ impl Drop for Temporary {
 }
 
 /// Writes `target` by `write`, which gets the temporary file; `target` keeps its old content until
-/// everything is written and on the disk.
+/// everything is written and on the disk. It keeps who may read and write it, and a symbolic link goes on leading
+/// where it leads: that file is replaced.
 ///
 /// # Errors
 /// When `write` fails, or the folder takes no new file, or the disk is full. Then `target` is as it
 /// was and the temporary file is gone.
 fn write_atomically(target: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<()> {
-    remove_strays(target);
-    let renamed = Temporary::beside(target).map_err(|error| cannot_write(&error)).and_then(|temporary| {
+    let old = replaced(target)?;
+    let end = followed(target);
+    remove_strays(&end);
+    let renamed = Temporary::beside(&end).map_err(|error| cannot_write(&error)).and_then(|temporary| {
+        // Before the first byte: what was private stays so at every moment.
+        old.map_or(Ok(()), |old| keep_access(&temporary.file, &old)).map_err(|error| cannot_write(&error))?;
         fill(&temporary.file, write)?;
         let names = live(); // from here on a signal must wait: the file is the result now
-        let renamed = fs::rename(&temporary.path, target);
+        let renamed = fs::rename(&temporary.path, &end);
         drop(names);
         renamed.map_err(|error| cannot_write(&error))
     });
@@ -104,15 +109,51 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Checks that a file can be written at `target`, before the work that is to fill it.
 ///
 /// # Errors
-/// `Unwritable` when it is a folder, or its folder is missing or takes no new file.
+/// `Unwritable` when it is anything but a regular file, or its folder is missing or takes no new file.
 pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
     let target = target.as_ref();
-    if target.is_dir() {
-        let what = "is a folder where a file was expected";
-        return Err(Error::new(ErrorKind::Unwritable, what).remedy("name a file in it").in_file(target));
-    }
-    let created = Temporary::beside(target);
+    replaced(target)?;
+    let created = Temporary::beside(&followed(target));
     created.map(|_| ()).map_err(|error| cannot_write(&error).in_file(target))
+}
+
+/// The file that a result replaces; none where there is none yet.
+///
+/// # Errors
+/// `Unwritable` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it.
+fn replaced(target: &Path) -> Result<Option<Metadata>> {
+    let refuse = |what: &str, remedy: &str| {
+        Err(Error::new(ErrorKind::Unwritable, what).remedy(remedy).in_file(target))
+    };
+    match fs::metadata(target) {
+        Ok(old) if old.is_file() => Ok(Some(old)),
+        Ok(old) if old.is_dir() => refuse("is a folder where a file was expected", "name a file in it"),
+        Ok(_) => refuse(
+            "is a device or a pipe where a file was expected",
+            "name a regular file: results are written beside it and renamed",
+        ),
+        Err(error) if error.kind() == Cause::NotFound => Ok(None),
+        Err(error) => Err(cannot_write(&error).in_file(target)),
+    }
+}
+
+/// Lets those read and write `file` who may do so with the `old` one.
+#[cfg(unix)]
+fn keep_access(file: &File, old: &Metadata) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    /// Reading, writing and executing; a new content has no claim to another user's rights (setuid).
+    const ACCESS: u32 = 0o777;
+    let bits = |metadata: &Metadata| metadata.permissions().mode() & ACCESS;
+    if bits(&file.metadata()?) == bits(old) {
+        return Ok(()); // file systems without such bits take no change of them
+    }
+    file.set_permissions(fs::Permissions::from_mode(bits(old)))
+}
+
+/// Other systems let a file inherit this from its folder.
+#[cfg(not(unix))]
+fn keep_access(_: &File, _: &Metadata) -> std::io::Result<()> {
+    Ok(())
 }
 
 /// Removes the temporary files that this process is writing, and keeps it from renaming any: for a
@@ -230,6 +271,45 @@ mod tests {
         })
         .unwrap();
         assert_eq!(fs::read(&target).unwrap(), b"outer");
+        assert_eq!(names(folder.path()), ["out.exr"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_is_written_through_and_access_stays() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link, new] = ["a.exr", "b.exr", "c.exr"].map(|name| folder.path().join(name));
+        fs::create_dir(folder.path().join("far")).unwrap();
+        symlink("a.exr", &link).unwrap();
+        symlink("far/c.exr", &new).unwrap();
+        fs::write(&file, "old").unwrap();
+        for mode in [0o600, 0o664, 0o444] {
+            fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+            write_bytes(&link, format!("{mode}").as_bytes()).unwrap();
+            assert_eq!(fs::read_to_string(&file).unwrap(), format!("{mode}"));
+            assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, mode);
+        }
+        check_target(&new).unwrap();
+        write_bytes(&new, b"far").unwrap();
+        assert_eq!(fs::read(folder.path().join("far/c.exr")).unwrap(), b"far");
+        assert!([link, new].iter().all(|link| link.is_symlink()));
+        assert_eq!(names(folder.path()), ["a.exr", "b.exr", "c.exr", "far"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn what_is_no_file_is_refused_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("out.exr");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        for target in [&*socket, Path::new("/dev/null")] {
+            for refused in [check_target(target), write_bytes(target, b"new")] {
+                let error = refused.unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::Unwritable);
+                assert!(error.to_string().contains("a device or a pipe"), "{error}");
+            }
+        }
         assert_eq!(names(folder.path()), ["out.exr"]);
     }
 

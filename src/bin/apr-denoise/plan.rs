@@ -211,8 +211,9 @@ impl Plan {
         let mut seen = HashSet::new();
         let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
         for target in all.chain(arguments.sequence_report.as_deref()) {
-            // One try in each folder is enough, but a folder in a file's place is told for each.
-            if seen.insert(target.parent()) || target.is_dir() {
+            // One try in each folder is enough, but what is there and no plain file is told for each.
+            let odd = target.symlink_metadata().is_ok_and(|there| !there.is_file());
+            if seen.insert(target.parent()) || odd {
                 io::check_target(target)?; // better now than after the work
             }
         }
