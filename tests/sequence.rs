@@ -205,6 +205,38 @@ fn skipping_holds_for_one_picture_and_in_place() {
 }
 
 #[test]
+fn skipping_minds_the_region_and_the_map() {
+    let shot = Shot::new(&[1]);
+    let run = |code: i32, output: &str, more: &[&str]| {
+        shot.expect(code, &[&["shot.0001.exr", output, "--skip-existing", "--quiet"], more].concat()).1
+    };
+    run(0, "part.exr", &["--region", "0,0,9,9"]);
+    let part = shot.bytes("part.exr");
+    run(0, "part.exr", &["--region", "0,0,9,9"]);
+    let complaint = run(2, "part.exr", &["--region", "9,0,9,9"]);
+    assert!(complaint.contains("it holds the region 0,0,9,9 and not the region 9,0,9,9"), "{complaint}");
+    let complaint = run(2, "part.exr", &[]);
+    assert!(
+        complaint.contains("part.exr: was made otherwise: it holds the region 0,0,9,9 and not"),
+        "{complaint}"
+    );
+    assert!(shot.bytes("part.exr") == part);
+    run(0, "den.exr", &[]);
+    let complaint = run(2, "den.exr", &["--region", "0,0,9,9"]);
+    assert!(complaint.contains("it holds the whole picture and not the region 0,0,9,9"), "{complaint}");
+
+    run(0, "den.exr", &["--sampling-map", "map.exr"]);
+    assert!(shot.path("map.exr").exists(), "a missing map is written");
+    assert!(run(2, "den.exr", &["--target-error", "1e-9"]).contains("--target-error"));
+    shot.expect(0, &["shot.0001.exr", "shot.0001.exr", "--quiet"]);
+    let complaint = run(2, "shot.0001.exr", &["--sampling-map", "other.exr"]);
+    assert!(
+        complaint.contains("other.exr: the sampling map is missing, and its input was denoised"),
+        "{complaint}"
+    );
+}
+
+#[test]
 fn a_frame_that_fails_loses_no_other() {
     let shot = Shot::new(&[1, 2, 4, 5]);
     std::fs::write(shot.path("shot.0003.exr"), "no picture").unwrap();

@@ -63,9 +63,9 @@ pub struct Arguments {
     /// Write a report of the run; of a sequence one for each frame: 'report.####.json'.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Do nothing where the result is there already, which is always a whole one. It must have been made
-    /// by the same options and version, else the run stops before any work.
-    #[arg(long, conflicts_with = "inspect")]
+    /// Do nothing where all that is to be written is there already, which is never half-written. The result must
+    /// have been made by the same options and version, of the same region, else the run stops before any work.
+    #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]

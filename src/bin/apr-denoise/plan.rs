@@ -8,6 +8,7 @@ use apr::io::{self, RunFile};
 
 use crate::arguments::{Arguments, Missing};
 use crate::frames::FrameSet;
+use crate::parts::Region;
 use crate::pattern::Pattern;
 use crate::signature;
 
@@ -206,7 +207,7 @@ impl Plan {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;
         if arguments.skip_existing {
-            self.take_out_finished(signature, arguments.temporal)?;
+            self.take_out_finished(signature, arguments)?;
         }
         let mut seen = HashSet::new();
         let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
@@ -249,24 +250,14 @@ impl Plan {
         })
     }
 
-    fn take_out_finished(&mut self, signature: &str, reach: u8) -> Result<()> {
+    fn take_out_finished(&mut self, signature: &str, arguments: &Arguments) -> Result<()> {
         let mut to_do = Vec::new();
         let mut by_others: Vec<(Job, String)> = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
-            if !job.output.exists() {
-                to_do.push(job);
-                continue;
-            }
-            let found = io::signature(&job.output).ok().flatten();
-            let wanted = self.signature(signature, &job, reach);
-            match found {
-                Some(found) if found == wanted => {
-                    let whole = job.report.as_ref().is_none_or(|report| report.exists());
-                    if whole { self.finished.push(job) } else { to_do.push(job) }
-                }
-                Some(found) if signature::only_neighbours_differ(&found, &wanted) => to_do.push(job),
-                None if job.is_in_place() => to_do.push(job), // not denoised in place yet
-                found => by_others.push((job, signature::difference(found.as_deref(), &wanted))),
+            match self.found(&job, signature, arguments)? {
+                Found::Nothing => to_do.push(job),
+                Found::Finished => self.finished.push(job),
+                Found::Otherwise(difference) => by_others.push((job, difference)),
             }
         }
         self.jobs = to_do;
@@ -277,6 +268,51 @@ impl Plan {
             .remedy("remove it, write elsewhere, or run without --skip-existing")
             .in_file(&first.output))
     }
+
+    /// What of `job` an earlier run has done.
+    fn found(&self, job: &Job, signature: &str, arguments: &Arguments) -> Result<Found> {
+        if !job.output.exists() {
+            return Ok(Found::Nothing);
+        }
+        let wanted = self.signature(signature, job, arguments.temporal);
+        let region = arguments.region.map(Region::numbers);
+        let region_there = io::region(&job.output).ok().flatten();
+        Ok(match io::signature(&job.output).ok().flatten() {
+            Some(_) if region != region_there => {
+                let [there, wanted] = [region_there, region].map(words);
+                Found::Otherwise(format!("it holds {there} and not {wanted}"))
+            }
+            Some(found) if found == wanted => match job.targets().find(|target| !target.path.exists()) {
+                None => Found::Finished,
+                Some(missing) if job.is_in_place() => return Err(lost(missing)),
+                Some(_) => Found::Nothing,
+            },
+            Some(found) if signature::only_neighbours_differ(&found, &wanted) => Found::Nothing,
+            None if job.is_in_place() => Found::Nothing, // not denoised in place yet
+            found => Found::Otherwise(signature::difference(found.as_deref(), &wanted)),
+        })
+    }
+}
+
+/// What there is of a frame's results.
+enum Found {
+    /// Not all of them: the frame is to be done.
+    Nothing,
+    Finished,
+    /// A result of other settings; in words, what differs.
+    Otherwise(String),
+}
+
+fn words(region: Option<[i64; 4]>) -> String {
+    let numbers = |region: [i64; 4]| region.map(|number| number.to_string()).join(",");
+    region.map_or("the whole picture".to_owned(), |region| format!("the region {}", numbers(region)))
+}
+
+/// The error of a file that would have to be made of an input which is denoised already.
+fn lost(missing: RunFile) -> Error {
+    usage(&format!("{} is missing, and its input was denoised in place", missing.role))
+        .remedy("leave the option out, or denoise the render itself again")
+        .in_file(missing.path)
 }
 
 impl Job {
