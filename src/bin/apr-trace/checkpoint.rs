@@ -25,6 +25,13 @@ pub fn path(args: &Args) -> Option<PathBuf> {
     Some(path.into())
 }
 
+/// Removes it when the picture is written.
+pub fn remove(args: &Args) {
+    if let Some(path) = path(args) {
+        let _ = std::fs::remove_file(path); // a later run would refuse it or take it up: both are told
+    }
+}
+
 impl Checkpoint {
     /// Of a render of `scene` with these; none unless it is a reference.
     pub fn new(args: &Args, options: &RenderOptions, scene: &Scene) -> Self {
@@ -56,19 +63,15 @@ impl Checkpoint {
     }
 
     /// Writes it where it is time to.
+    pub fn save_at_times(&mut self, renderer: &Renderer) -> Result<()> {
+        if self.saved.elapsed() >= self.every { self.save(renderer) } else { Ok(()) }
+    }
+
+    /// Writes it now: after the last pass, so that a picture which cannot be written costs no second render.
     pub fn save(&mut self, renderer: &Renderer) -> Result<()> {
-        let Some(path) = self.path.as_ref().filter(|_| self.saved.elapsed() >= self.every) else {
-            return Ok(());
-        };
+        let Some(path) = &self.path else { return Ok(()) };
         write_bytes(path, &[self.key.clone(), renderer.film().to_bytes()].concat())?;
         self.saved = Instant::now();
         Ok(())
-    }
-
-    /// Removes it after the last pass.
-    pub fn remove(&self) {
-        if let Some(path) = &self.path {
-            let _ = std::fs::remove_file(path); // there is none after a short run
-        }
     }
 }

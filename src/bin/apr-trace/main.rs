@@ -163,6 +163,7 @@ fn run(args: &Args) -> Result<()> {
     let further = [("sampleCount.Y", &counts)];
     let further = if args.spp_map.is_some() || args.adaptive { &further[..] } else { &[] };
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
+    checkpoint::remove(args);
     let drawn = Drawn { all: rendered.samples, now: rendered.samples - taken_up, time: start.elapsed() };
     finish(args, out, &rendered, rounds.as_ref(), &drawn)
 }
@@ -206,10 +207,10 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
         done += count;
         progress.set(done);
         if done < options.spp {
-            checkpoint.save(renderer)?;
+            checkpoint.save_at_times(renderer)?;
         }
     }
-    checkpoint.remove();
+    let _ = checkpoint.save(renderer); // on a full disk there may be room for the picture all the same
     Ok(taken_up)
 }
 
