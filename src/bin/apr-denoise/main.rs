@@ -1,6 +1,7 @@
 //! `apr-denoise in.exr out.exr`: parse, check, run, export. `apr-denoise merge out.exr region.exr…` puts
 //! regions together.
 
+mod answer;
 mod arguments;
 mod clock;
 mod failure;
@@ -62,7 +63,7 @@ fn denoise(arguments: &Arguments) -> Result<ExitCode> {
     let denoiser = settings::denoiser(arguments)?;
     let mut plan = Plan::new(arguments)?;
     if arguments.inspect {
-        run::print(&inspect::describe(&plan, arguments, &denoiser)?)?;
+        answer::print(&inspect::describe(&plan, arguments, &denoiser)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     if arguments.output.is_none() {

@@ -5,16 +5,16 @@
 //! the results of two are. The order of the work changes no bit of any result.
 
 use std::collections::HashSet;
-use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use apr::baseline::Denoiser;
-use apr::error::{Error, ErrorKind, Result};
+use apr::error::{Error, Result};
 use apr::io::{self, Picture};
 
+use crate::answer::{complain, print};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
@@ -221,20 +221,4 @@ impl<'a> Run<'a> {
             self.progress.aside(|| complain(&format!("warning: {place}{warning}")));
         }
     }
-}
-
-/// Answers on the standard output; whoever closed it does not want to hear.
-pub fn print(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::new(ErrorKind::Unwritable, format!("the standard output cannot be written: {error}")))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Tells something on the way that is no answer.
-#[expect(clippy::print_stderr, reason = "where this program warns")]
-pub fn complain(words: &str) {
-    eprintln!("{}: {words}", env!("CARGO_BIN_NAME"));
 }

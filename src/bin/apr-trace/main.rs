@@ -1,8 +1,10 @@
 //! `apr-trace scene.json out.exr`: renders a scene with everything the denoiser can use.
 
-#![allow(clippy::print_stdout, clippy::print_stderr)] // a program talks to its user
-
+#[path = "../apr-denoise/answer.rs"]
+mod answer;
 mod checkpoint;
+#[path = "../apr-denoise/failure.rs"]
+mod failure;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
 mod progress;
@@ -12,6 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
 use apr::io::{FrameHeader, RunFile, check_apart, check_target, read_counts, write_bytes, write_frame};
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
@@ -125,21 +128,14 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 
 fn main() -> ExitCode {
     let args = generate::parse::<Args>();
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(error.kind().exit_code())
-        }
-    }
+    failure::told(|| run(&args))
 }
 
 fn run(args: &Args) -> Result<()> {
     let scene = Scene::load(&args.scene)?;
     let options = args.options()?;
     let Some(out) = args.out.as_ref().filter(|_| !args.plan) else {
-        print_plan(&Plan::new(&scene, &options));
-        return Ok(());
+        return print_plan(&Plan::new(&scene, &options));
     };
     check_files(args, out)?; // before hours of work, not after
     let threads = args.threads.unwrap_or(0) as usize;
@@ -182,11 +178,11 @@ fn check_files(args: &Args, out: &Path) -> Result<()> {
     written.iter().try_for_each(|file| check_target(file.path))
 }
 
-fn print_plan(plan: &Plan) {
-    for effect in &plan.effects {
+fn print_plan(plan: &Plan) -> Result<()> {
+    plan.effects.iter().try_for_each(|effect| {
         let mark = if effect.used { "yes" } else { "no" };
-        println!("{:<14} {mark:<4} {}", effect.name, effect.reason);
-    }
+        print(&format!("{:<14} {mark:<4} {}", effect.name, effect.reason))
+    })
 }
 
 /// Draws all samples, in passes that the progress can be told between. How many an earlier run had drawn.
@@ -230,31 +226,31 @@ fn finish(
 ) -> Result<()> {
     let seconds = drawn.time.as_secs_f64();
     if rendered.dropped > 0 {
-        eprintln!(
-            "warning: {} of {} samples were not finite and were dropped",
-            rendered.dropped, rendered.samples
-        );
+        let (dropped, all) = (rendered.dropped, rendered.samples);
+        complain(&format!("warning: {dropped} of {all} samples were not finite and were dropped"));
     }
-    if !args.quiet {
-        let rate = drawn.now as f64 / seconds / 1e6;
-        let before = match drawn.all - drawn.now {
-            0 => String::new(),
-            before => format!(" after {before} of an earlier run"),
-        };
-        println!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now);
+    if let Some(path) = &args.report {
+        let report = serde_json::json!({
+            "scene": args.scene,
+            "output": out,
+            "seed": args.seed,
+            "samples": drawn.all,
+            "samplesOfThisRun": drawn.now,
+            "dropped": rendered.dropped,
+            "seconds": seconds,
+            "adaptive": rounds,
+            "plan": rendered.plan,
+            "constantFeatures": rendered.constant_features,
+        });
+        write_bytes(path, format!("{report:#}\n").as_bytes())?;
     }
-    let Some(path) = &args.report else { return Ok(()) };
-    let report = serde_json::json!({
-        "scene": args.scene,
-        "output": out,
-        "seed": args.seed,
-        "samples": drawn.all,
-        "samplesOfThisRun": drawn.now,
-        "dropped": rendered.dropped,
-        "seconds": seconds,
-        "adaptive": rounds,
-        "plan": rendered.plan,
-        "constantFeatures": rendered.constant_features,
-    });
-    write_bytes(path, format!("{report:#}\n").as_bytes())
+    if args.quiet {
+        return Ok(());
+    }
+    let rate = drawn.now as f64 / seconds / 1e6;
+    let before = match drawn.all - drawn.now {
+        0 => String::new(),
+        before => format!(" after {before} of an earlier run"),
+    };
+    print(&format!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now))
 }
