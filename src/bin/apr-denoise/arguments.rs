@@ -184,6 +184,7 @@ const EXIT_CODES: &str = "Exit codes:
   5    the result cannot be written
   10   done, but the estimated error is above --target-error
   70   a defect of this program
+  129  hung up (SIGHUP)
   130  interrupted (SIGINT)
   143  told to stop (SIGTERM)";
 
