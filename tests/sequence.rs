@@ -124,6 +124,10 @@ fn without_frames_all_that_are_there_are_taken() {
     assert_eq!(shot.names("den"), ["den.0003.exr", "den.0007.exr"]);
     let (_, complaint) = shot.expect(3, &["nothing.####.exr", "den.####.exr"]);
     assert!(complaint.contains("nothing.####.exr: no file") && complaint.contains("padding"), "{complaint}");
+    let skip = ["shot.####.exr", "den.####.exr", "--frames", "20-30", "--missing", "skip", "--quiet"];
+    let (_, complaint) = shot.expect(3, &skip);
+    let words = "shot.0020.exr: is missing, and none of the frames 20-30 has a file";
+    assert!(complaint.contains(words), "{complaint}");
 }
 
 #[test]
@@ -273,7 +277,7 @@ fn names_that_would_lose_something_are_refused() {
     let shot = Shot::new(&[1, 2]);
     shot.render("half", 1);
     let renders = [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
-    let cases: [(&[&str], &str); 14] = [
+    let cases: [(&[&str], &str); 17] = [
         (&["shot.####.exr", "den.exr"], "several results"),
         (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
         (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
@@ -305,6 +309,9 @@ fn names_that_would_lose_something_are_refused() {
         ),
         (&["shot.####.exr", "shot.####.exr", "--with", "shot.0001.exr"], "the result and a file of --with"),
         (&["shot.####.exr", "shot.0002.exr", "--frames", "1", "--temporal", "1"], "the result and the input"),
+        (&["shot.0001.exr", "den.####.exr"], "den.####.exr: has a place for the frame's number"),
+        (&["shot.0001.exr", "den.exr", "--report", "r.%04d.json"], "r.%04d.json: has a place"),
+        (&["shot.####.exr", "den.####.png"], "den.####.png: does not end in .exr"),
         (&["shot.0001.exr", "./shot.0001.exr", "--region", "0,0,4,4"], "replace the whole picture"),
     ];
     for (arguments, words) in cases {

@@ -61,7 +61,7 @@ pub use mapping::Mapping;
 pub use merge::merge;
 pub use own::{FrameHeader, write_frame, write_plane};
 pub use picture::{Picture, ReadOptions, read_rgb, signature};
-pub use places::{RunFile, check_apart, is_same_file};
+pub use places::{RunFile, check_apart, check_ending, is_same_file};
 pub use region::region;
 pub use sums::{Deviation, SumCheck};
 pub use survey::Survey;

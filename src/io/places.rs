@@ -42,6 +42,21 @@ pub fn check_apart<'a>(
     Ok(())
 }
 
+/// Checks that the name of a target that is to hold OpenEXR says so.
+///
+/// # Errors
+/// `Usage` when it ends otherwise.
+pub fn check_ending(target: impl AsRef<Path>) -> Result<()> {
+    let target = target.as_ref();
+    let says_so = target.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"));
+    if says_so || target.is_dir() {
+        return Ok(()); // a folder is told by whoever would write
+    }
+    Err(Error::new(ErrorKind::Usage, "does not end in .exr, and OpenEXR is what is written")
+        .remedy("name it .exr, and convert it to another format afterwards")
+        .in_file(target))
+}
+
 /// Whether both paths lead to one file, which need not be there yet.
 pub fn is_same_file(a: impl AsRef<Path>, b: impl AsRef<Path>) -> bool {
     a.as_ref() == b.as_ref() || place(a.as_ref()) == place(b.as_ref())

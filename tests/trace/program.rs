@@ -226,6 +226,15 @@ fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
 }
 
 #[test]
+fn a_picture_of_another_ending_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.png"));
+    let output = program().arg(&scene).arg(&out).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("out.png: does not end in .exr"), "{said}");
+}
+
+#[test]
 fn files_that_would_replace_each_other_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));

@@ -51,6 +51,7 @@ fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
+    io::check_ending(output)?;
     io::check_target(output)?;
     io::merge(output, regions).map(|()| ExitCode::SUCCESS)
 }
@@ -70,6 +71,8 @@ fn denoise(arguments: &Arguments) -> Result<ExitCode> {
         return Err(Error::new(ErrorKind::Usage, "no output file is given")
             .remedy("name it after the input, or use --inspect"));
     }
+    let pictures = arguments.output.iter().chain(&arguments.sampling_map);
+    pictures.into_iter().try_for_each(io::check_ending)?;
     let signature = signature::of(arguments, &denoiser)?;
     plan.settle_targets(arguments, &signature)?;
     let target_met = run::run(&plan, arguments, &denoiser, &signature)?;

@@ -125,6 +125,9 @@ impl Plan {
             }
         };
         let names = Names::new(arguments, pattern.is_some());
+        if Pattern::parse(&arguments.input).is_none() {
+            check_plain(arguments)?;
+        }
         if let (Some(Name::One(path)), [_, _, ..]) = (&names.half, &frames[..]) {
             return Err(usage("--half is one file for many frames")
                 .remedy("give it a place for the frame's number (####)")
@@ -185,7 +188,17 @@ impl Plan {
         }
         self.jobs = there;
         match (&self.missing[..], policy) {
-            ([], _) | (_, Missing::Skip) => Ok(()),
+            ([], _) => Ok(()),
+            (_, Missing::Skip) if !self.jobs.is_empty() => Ok(()),
+            ([(_, first), ..], Missing::Skip) => {
+                let frames: FrameSet = self.missing.iter().filter_map(|(job, _)| job.frame).collect();
+                Err(Error::new(
+                    ErrorKind::Unreadable,
+                    format!("is missing, and none of the frames {frames} has a file"),
+                )
+                .remedy("check the name and its padding, and --frames")
+                .in_file(first))
+            }
             (missing @ [(_, first), ..], Missing::Error) => {
                 let frames: FrameSet = missing.iter().filter_map(|(job, _)| job.frame).collect();
                 let what = format!("is missing; {} frames have no input: {frames}", missing.len());
@@ -350,6 +363,20 @@ fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<V
             .in_file(input));
     }
     Ok(found.iter().map(Some).collect())
+}
+
+/// Checks that no result of a single picture has a name with a place for a frame's number.
+fn check_plain(arguments: &Arguments) -> Result<()> {
+    let named = [&arguments.output, &arguments.report, &arguments.sampling_map].into_iter().flatten();
+    let has_place =
+        |path: &&PathBuf| path.file_name().is_some_and(|name| Pattern::parse(Path::new(name)).is_some());
+    named.clone().find(has_place).map_or(Ok(()), |path| {
+        Err(usage("has a place for the frame's number, and the input has none")
+            .remedy(
+                "write the input as shot.####.exr too, or name the result without #, @@, %d, $F and <frame>",
+            )
+            .in_file(path))
+    })
 }
 
 fn file<'a>(role: &'a str, path: &'a Path) -> RunFile<'a> {

@@ -16,7 +16,9 @@ use std::time::{Duration, Instant};
 
 use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
-use apr::io::{FrameHeader, RunFile, check_apart, check_target, read_counts, write_bytes, write_frame};
+use apr::io::{
+    FrameHeader, RunFile, check_apart, check_ending, check_target, read_counts, write_bytes, write_frame,
+};
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
@@ -166,6 +168,7 @@ fn run(args: &Args) -> Result<()> {
 
 /// Checks that every file can be written and destroys nothing that is read, nor another one.
 fn check_files(args: &Args, out: &Path) -> Result<()> {
+    check_ending(out)?;
     let file = |role| move |path| RunFile { role, path };
     let checkpoint = checkpoint::path(args);
     let read = std::iter::once(&args.scene).map(|path| file("the scene")(path.as_path()));
