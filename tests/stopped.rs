@@ -150,12 +150,15 @@ fn a_sequence_killed_again_and_again_goes_on_where_it_was() {
     }
 }
 
-/// The last frame is a pipe that nobody writes to: the run stands in the middle of its sequence.
+/// The third frame is a pipe that nobody writes to: the run stands in the middle of its sequence.
 #[test]
 fn told_to_stop_in_a_sequence_it_keeps_what_is_done() {
     let folder = tempfile::tempdir().unwrap();
     let mut arguments = sequence(folder.path(), 2);
-    arguments.extend(["--frames", "1-3"].map(str::to_owned)); // a pipe is no file to be found by itself
+    arguments.extend(["--frames", "1-4"].map(str::to_owned)); // a pipe is no file to be found by itself
+    std::fs::copy(folder.path().join("shot.0001.exr"), folder.path().join("shot.0004.exr")).unwrap();
+    let report = folder.path().join("all.json");
+    arguments.extend(["--sequence-report".to_owned(), report.to_str().unwrap().to_owned()]);
     let pipe = folder.path().join("shot.0003.exr");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let mut child = start_with(&arguments);
@@ -165,7 +168,11 @@ fn told_to_stop_in_a_sequence_it_keeps_what_is_done() {
     }
     send("-TERM", &child);
     assert_eq!(child.wait().unwrap().code(), Some(143));
-    let expected = ["den.0001.exr", "den.0002.exr", "shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]
-        .map(str::to_owned);
-    assert_eq!(names(folder.path()), expected);
+    let results = ["all.json", "den.0001.exr", "den.0002.exr"];
+    let renders = ["shot.0001.exr", "shot.0002.exr", "shot.0003.exr", "shot.0004.exr"];
+    assert_eq!(names(folder.path()), [&results[..], &renders].concat());
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    // The second is done, but this may not have been noted yet.
+    let states = [0, 2, 3].map(|index| report["frames"][index]["state"].clone());
+    assert_eq!(states, ["done", "interrupted", "not_run"]);
 }

@@ -120,7 +120,7 @@ pub struct Arguments {
         help_heading = "Sequences"
     )]
     pub temporal: u8,
-    /// Write one report for all frames.
+    /// Write one report for all frames, also of a run that is told to stop.
     #[arg(long, value_name = "FILE.json", help_heading = "Sequences")]
     pub sequence_report: Option<PathBuf>,
 

@@ -26,7 +26,7 @@ pub struct Job {
 }
 
 /// All frames of a run.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Plan {
     /// Those to denoise, in order.
     pub jobs: Vec<Job>,
@@ -38,7 +38,7 @@ pub struct Plan {
 }
 
 /// The files that the user named.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Names {
     input: Name,
     half: Option<Name>,
@@ -78,7 +78,7 @@ impl Names {
 }
 
 /// A path that the user gave: one file, or one for each frame.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Name {
     One(PathBuf),
     Each(Pattern),

@@ -1,4 +1,14 @@
-//! Being told to stop: clean up and go.
+//! Being told to stop: say what is known, clean up and go.
+
+use std::sync::{Mutex, PoisonError};
+
+/// What is still to be done by a run that is told to stop.
+static LAST_WORDS: Mutex<Option<Box<dyn FnOnce() + Send>>> = Mutex::new(None);
+
+/// Has a run that is told to stop do this first.
+pub fn before_the_end(words: impl FnOnce() + Send + 'static) {
+    *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(words));
+}
 
 /// From now on SIGTERM, SIGINT and SIGHUP remove the temporary files and end the program with 143, 130 and 129.
 #[cfg(unix)]
@@ -14,7 +24,9 @@ pub fn clean_up_when_stopped() {
     let Ok(mut signals) = signal_hook::iterator::Signals::new(heeded) else { return };
     std::thread::spawn(move || {
         if let Some(signal) = signals.forever().next() {
-            apr::io::abandon_temporaries();
+            let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).take();
+            words.into_iter().for_each(|words| words());
+            apr::io::abandon_temporaries(); // after which nothing is written
             std::process::exit(SIGNALLED + signal);
         }
     });
