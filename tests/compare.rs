@@ -65,3 +65,22 @@ fn exit_codes_tell_usage_missing_broken_and_unwritable_apart() {
     let message = String::from_utf8(compare(&[&good, &broken]).stderr).unwrap();
     assert!(message.contains("broken.exr") && message.contains("pixel (0, 0)"), "{message}");
 }
+
+#[test]
+fn pictures_that_would_replace_an_input_or_each_other_are_refused() {
+    let folder = folder("replaced");
+    let (a, b) = (picture(folder.join("a.exr"), 1.25), picture(folder.join("b.exr"), 1.0));
+    let (heat, side) = (Path::new("--heatmap"), Path::new("--side-by-side"));
+    let (again, new) = (folder.join(".").join("b.exr"), folder.join("new.png"));
+    let before = std::fs::read(&b).unwrap();
+    for (arguments, words) in [
+        (&[&*a, &*b, heat, &*again][..], "the heat map and the reference"),
+        (&[&a, &b, side, &a], "the picture of --side-by-side and a result"),
+        (&[&a, &b, heat, &new, side, &new], "the picture of --side-by-side and the heat map"),
+    ] {
+        let output = compare(arguments);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
+        assert!(std::fs::read(&b).unwrap() == before && !new.exists());
+    }
+}

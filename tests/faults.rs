@@ -137,3 +137,21 @@ fn a_read_only_folder_keeps_its_old_result() {
     assert!(opened.status.success(), "the folder was the only obstacle: {opened:?}");
     assert_eq!(names(&closed), ["out.exr"]);
 }
+
+/// A pipe as a target is refused before the work, and stays a pipe.
+#[test]
+fn a_pipe_in_a_files_place_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, pipe) = (render(folder.path()), folder.path().join("pipe.exr"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let report = folder.path().join("out.exr");
+    for targets in [&[&*pipe][..], &[&report, Path::new("--report"), &pipe]] {
+        let output = Command::new(PROGRAM).arg(&input).args(targets).arg("--quiet").output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(
+            output.status.code() == Some(UNWRITABLE) && said.contains("pipe.exr: is a device or"),
+            "{said}"
+        );
+    }
+    assert_eq!(names(folder.path()), ["in.exr", "pipe.exr"]);
+}

@@ -183,6 +183,13 @@ fn the_program_merges_what_it_cut() {
     assert_eq!(std::fs::read(path("whole.exr")).unwrap(), std::fs::read(path("merged.exr")).unwrap());
     assert!(std::fs::read_to_string(path("a.json")).unwrap().contains("\"estimated_error\""));
 
+    for (output, words) in [("b.exr", "the picture and a region"), ("merged.png", "does not end in .exr")] {
+        let before = std::fs::read(path("b.exr")).unwrap();
+        let refused = program(&["merge", &path(output), &path("b.exr"), &path("a.exr")]);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && said.contains(words), "{said}");
+        assert_eq!(std::fs::read(path("b.exr")).unwrap(), before);
+    }
     let c = path("c.exr");
     let other = [&QUICK[..], &[&input, &c, "--region", "0,0,5,11", "--set", "max_order=1"]].concat();
     run(&other);

@@ -124,6 +124,10 @@ fn without_frames_all_that_are_there_are_taken() {
     assert_eq!(shot.names("den"), ["den.0003.exr", "den.0007.exr"]);
     let (_, complaint) = shot.expect(3, &["nothing.####.exr", "den.####.exr"]);
     assert!(complaint.contains("nothing.####.exr: no file") && complaint.contains("padding"), "{complaint}");
+    let skip = ["shot.####.exr", "den.####.exr", "--frames", "20-30", "--missing", "skip", "--quiet"];
+    let (_, complaint) = shot.expect(3, &skip);
+    let words = "shot.0020.exr: is missing, and none of the frames 20-30 has a file";
+    assert!(complaint.contains(words), "{complaint}");
 }
 
 #[test]
@@ -200,8 +204,40 @@ fn skipping_holds_for_one_picture_and_in_place() {
     let in_place = ["shot.####.exr", "shot.####.exr", "--skip-existing", "--quiet"];
     shot.expect(0, &in_place);
     assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"));
-    shot.expect(0, &in_place);
+    shot.expect(0, &["shot.0001.exr", "./shot.0001.exr", "--skip-existing", "--quiet"]);
     assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"), "not denoised twice");
+}
+
+#[test]
+fn skipping_minds_the_region_and_the_map() {
+    let shot = Shot::new(&[1]);
+    let run = |code: i32, output: &str, more: &[&str]| {
+        shot.expect(code, &[&["shot.0001.exr", output, "--skip-existing", "--quiet"], more].concat()).1
+    };
+    run(0, "part.exr", &["--region", "0,0,9,9"]);
+    let part = shot.bytes("part.exr");
+    run(0, "part.exr", &["--region", "0,0,9,9"]);
+    let complaint = run(2, "part.exr", &["--region", "9,0,9,9"]);
+    assert!(complaint.contains("it holds the region 0,0,9,9 and not the region 9,0,9,9"), "{complaint}");
+    let complaint = run(2, "part.exr", &[]);
+    assert!(
+        complaint.contains("part.exr: was made otherwise: it holds the region 0,0,9,9 and not"),
+        "{complaint}"
+    );
+    assert!(shot.bytes("part.exr") == part);
+    run(0, "den.exr", &[]);
+    let complaint = run(2, "den.exr", &["--region", "0,0,9,9"]);
+    assert!(complaint.contains("it holds the whole picture and not the region 0,0,9,9"), "{complaint}");
+
+    run(0, "den.exr", &["--sampling-map", "map.exr"]);
+    assert!(shot.path("map.exr").exists(), "a missing map is written");
+    assert!(run(2, "den.exr", &["--target-error", "1e-9"]).contains("--target-error"));
+    shot.expect(0, &["shot.0001.exr", "shot.0001.exr", "--quiet"]);
+    let complaint = run(2, "shot.0001.exr", &["--sampling-map", "other.exr"]);
+    assert!(
+        complaint.contains("other.exr: the sampling map is missing, and its input was denoised"),
+        "{complaint}"
+    );
 }
 
 #[test]
@@ -240,7 +276,8 @@ fn the_exit_code_is_that_of_the_first_frame_that_failed() {
 fn names_that_would_lose_something_are_refused() {
     let shot = Shot::new(&[1, 2]);
     shot.render("half", 1);
-    let cases: [(&[&str], &str); 6] = [
+    let renders = [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
+    let cases: [(&[&str], &str); 17] = [
         (&["shot.####.exr", "den.exr"], "several results"),
         (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
         (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
@@ -250,6 +287,32 @@ fn names_that_would_lose_something_are_refused() {
             "as well as a result",
         ),
         (&["shot.0001.exr", "den.exr", "--frames", "1"], "place for the frame's number"),
+        (
+            &["shot.0001.exr", "den.exr", "--report", "./shot.0001.exr"],
+            "the report and the input (shot.0001.exr)",
+        ),
+        (
+            &["shot.0001.exr", "den.exr", "--sampling-map", "den.exr"],
+            "the sampling map and the result (den.exr)",
+        ),
+        (
+            &["shot.0001.exr", "den.exr", "--sequence-report", "half.0001.exr", "--half", "half.0001.exr"],
+            "the half",
+        ),
+        (
+            &["shot.0001.exr", "den.exr", "--report", "half.0001.exr", "--with", "half.0001.exr"],
+            "a file of --with",
+        ),
+        (
+            &["shot.####.exr", "den.####.exr", "--sequence-report", "./den.0002.exr"],
+            "the sequence report and the result",
+        ),
+        (&["shot.####.exr", "shot.####.exr", "--with", "shot.0001.exr"], "the result and a file of --with"),
+        (&["shot.####.exr", "shot.0002.exr", "--frames", "1", "--temporal", "1"], "the result and the input"),
+        (&["shot.0001.exr", "den.####.exr"], "den.####.exr: has a place for the frame's number"),
+        (&["shot.0001.exr", "den.exr", "--report", "r.%04d.json"], "r.%04d.json: has a place"),
+        (&["shot.####.exr", "den.####.png"], "den.####.png: does not end in .exr"),
+        (&["shot.0001.exr", "./shot.0001.exr", "--region", "0,0,4,4"], "replace the whole picture"),
     ];
     for (arguments, words) in cases {
         let before = shot.names("");
@@ -257,6 +320,7 @@ fn names_that_would_lose_something_are_refused() {
         assert_eq!(code, 2, "{arguments:?}: {complaint}");
         assert!(complaint.contains(words), "{arguments:?}: {complaint}");
         assert_eq!(shot.names(""), before);
+        assert_eq!([1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr"))), renders, "{arguments:?}");
     }
     let (_, complaint) = shot.expect(2, &["shot.####.exr", "den.####.exr", "--frames", "9-1"]);
     assert!(complaint.contains("write 1-9"), "{complaint}");

@@ -50,12 +50,12 @@ fn killed_at_random_moments_it_never_leaves_a_broken_result() {
         std::fs::write(&output, &old).unwrap();
         let mut child = start(&input, &output);
         std::thread::sleep(whole_run.mul_f64(kill as f64 / KILLS as f64));
-        let signal = if kill % 2 == 0 { "-KILL" } else { "-TERM" };
+        let signal = ["-KILL", "-TERM", "-HUP"][kill as usize % 3];
         send(signal, &child);
         child.wait().unwrap();
         let left = std::fs::read(&output).unwrap();
         assert!(left == old || left == new, "kill {kill} left {} bytes", left.len());
-        if signal == "-TERM" {
+        if signal != "-KILL" {
             assert_no_strays_but_of_killed(folder.path(), child.id());
         }
     }
@@ -76,7 +76,7 @@ fn told_to_stop_it_ends_with_the_signals_exit_code() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (folder.path().join("pipe"), folder.path().join("out.exr"));
     assert!(Command::new("mkfifo").arg(&input).status().unwrap().success());
-    for (signal, code) in [("-TERM", 143), ("-INT", 130)] {
+    for (signal, code) in [("-TERM", 143), ("-INT", 130), ("-HUP", 129)] {
         let mut child = start(&input, &output);
         let pipe = std::fs::OpenOptions::new().write(true).open(&input).unwrap(); // waits for the reader
         send(signal, &child);
@@ -84,6 +84,24 @@ fn told_to_stop_it_ends_with_the_signals_exit_code() {
         drop(pipe);
     }
     assert_eq!(names(folder.path()), ["pipe"]);
+}
+
+/// `nohup` keeps a run alive when its terminal goes.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_hangup_that_is_ignored_stays_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("pipe"), folder.path().join("out.exr"));
+    assert!(Command::new("mkfifo").arg(&input).status().unwrap().success());
+    let mut sh = Command::new("sh");
+    sh.args(["-c", "trap '' HUP; exec \"$@\"", "sh", env!("CARGO_BIN_EXE_apr-denoise"), "--quiet"]);
+    let mut child = sh.args([&input, &output]).stderr(Stdio::piped()).spawn().unwrap();
+    let pipe = std::fs::OpenOptions::new().write(true).open(&input).unwrap(); // waits for the reader
+    send("-HUP", &child);
+    std::thread::sleep(std::time::Duration::from_millis(200));
+    assert_eq!(child.try_wait().unwrap(), None);
+    drop(pipe); // which ends the input before its beginning
+    assert_eq!(child.wait().unwrap().code(), Some(3));
 }
 
 /// A sequence of `render`'s picture, and its command line.
@@ -132,12 +150,15 @@ fn a_sequence_killed_again_and_again_goes_on_where_it_was() {
     }
 }
 
-/// The last frame is a pipe that nobody writes to: the run stands in the middle of its sequence.
+/// The third frame is a pipe that nobody writes to: the run stands in the middle of its sequence.
 #[test]
 fn told_to_stop_in_a_sequence_it_keeps_what_is_done() {
     let folder = tempfile::tempdir().unwrap();
     let mut arguments = sequence(folder.path(), 2);
-    arguments.extend(["--frames", "1-3"].map(str::to_owned)); // a pipe is no file to be found by itself
+    arguments.extend(["--frames", "1-4"].map(str::to_owned)); // a pipe is no file to be found by itself
+    std::fs::copy(folder.path().join("shot.0001.exr"), folder.path().join("shot.0004.exr")).unwrap();
+    let report = folder.path().join("all.json");
+    arguments.extend(["--sequence-report".to_owned(), report.to_str().unwrap().to_owned()]);
     let pipe = folder.path().join("shot.0003.exr");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let mut child = start_with(&arguments);
@@ -147,7 +168,11 @@ fn told_to_stop_in_a_sequence_it_keeps_what_is_done() {
     }
     send("-TERM", &child);
     assert_eq!(child.wait().unwrap().code(), Some(143));
-    let expected = ["den.0001.exr", "den.0002.exr", "shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]
-        .map(str::to_owned);
-    assert_eq!(names(folder.path()), expected);
+    let results = ["all.json", "den.0001.exr", "den.0002.exr"];
+    let renders = ["shot.0001.exr", "shot.0002.exr", "shot.0003.exr", "shot.0004.exr"];
+    assert_eq!(names(folder.path()), [&results[..], &renders].concat());
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    // The second is done, but this may not have been noted yet.
+    let states = [0, 2, 3].map(|index| report["frames"][index]["state"].clone());
+    assert_eq!(states, ["done", "interrupted", "not_run"]);
 }

@@ -49,3 +49,22 @@ fn one_page_holds_every_run_and_needs_nothing_else() {
     }
     assert!(folder.join("report/time-gallery-spp16.svg").exists());
 }
+
+/// Before any work: neither the render nor its reference is there.
+#[test]
+fn a_page_that_would_replace_what_it_is_made_of_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let variants = folder.path().join("sweep.json");
+    std::fs::write(&variants, r#"[{"name": "as it comes"}]"#).unwrap();
+    let sweep = |inputs: &[&str], out: &Path| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_apr-compare"));
+        command.arg("sweep").args(inputs).args(["--reference", "none.exr", "--variants"]).arg(&variants);
+        let output = command.arg("--out").arg(out).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, said) = sweep(&["a.exr"], folder.path());
+    assert!(code == Some(2) && said.contains("sweep.json: is an input as well as a result"), "{said}");
+    let (code, said) = sweep(&["a b.exr", "a-b.exr"], &folder.path().join("page"));
+    assert!(code == Some(2) && said.contains("time-a-b.svg: several results"), "{said}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

@@ -46,8 +46,8 @@ impl<'py> Given<'_, 'py> {
                 let half = |array| planes(&format!("feature_halves['{name}']"), array);
                 feature.halves = Some([half(&a)?, half(&b)?]);
             }
-            let bounded = feature.var_of_mean.as_ref().is_none_or(|v| v.len() == feature.planes.len());
-            if bounded {
+            // Only what the frame takes can be brought into range; it tells what is wrong with the rest.
+            if fits(&feature, (frame.width(), frame.height())) {
                 notes.extend(bound_feature(&mut feature));
             }
             frame = frame.with_feature(feature).map_err(raised)?;
@@ -91,6 +91,13 @@ impl<'py> Given<'_, 'py> {
 
 fn item<'py>(of: Option<&Bound<'py, PyDict>>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
     of.map_or(Ok(None), |of| of.get_item(name))
+}
+
+/// Whether all arrays of a feature are of one kind: as many channels, and of the frame's `size`.
+fn fits(feature: &Feature, size: (usize, usize)) -> bool {
+    let beside = feature.var_of_mean.iter().chain(feature.halves.iter().flatten());
+    let mut all = beside.chain([&feature.planes]);
+    all.all(|planes| planes.len() == feature.planes.len() && planes.iter().all(|plane| plane.size() == size))
 }
 
 /// What a feature describes, by its name less a number at its end (`albedo2`).

@@ -125,6 +125,8 @@ def test_files_are_written_and_read_back(tmp_path):
     (ValueError, r"27×19.*27×20", lambda c: apr.denoise(c, variance=c[1:])),
     (ValueError, r"depth.*\(20,?\)", lambda c: apr.denoise(c, depth=np.zeros(20))),
     (ValueError, "no feature", lambda c: apr.denoise(c, feature_variance={"albedo": c})),
+    (ValueError, r"27×19.*27×20", lambda c: apr.denoise(c, albedo=2 + c, feature_variance={"albedo": c[1:]})),
+    (ValueError, "2 planes where 3", lambda c: apr.denoise(c, albedo=2 + c, feature_halves={"albedo": (c, c[..., :2])})),
     (ValueError, "twice", lambda c: apr.denoise(c, albedo=c, features={"albedo": c})),
     (ValueError, "balanced", lambda c: apr.denoise(c, preset="magic")),
     (ValueError, "max_order", lambda c: apr.denoise(c, options={"magic": 1})),

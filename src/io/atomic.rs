@@ -2,14 +2,19 @@
 //!
 //! A result is written to a temporary file in the folder of its target and renamed over it, which
 //! every file system does in one step. The temporary file is locked while its writer lives, so that
-//! a later run can tell what a killed run left from the work of a live one, and remove it.
+//! a later run can tell what a killed run left from the work of a live one, and remove it. Its name is
+//! nobody else's, whatever machine or container they run in: process numbers repeat there. Where locks
+//! hold on one machine alone, another one may take a live file for a killed run's; then the rename fails
+//! and says so, but nothing half-written is ever published.
 
-use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::fs::{self, File, Metadata, TryLockError};
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::io::{BufWriter, ErrorKind as Cause, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::attributes;
+use super::places::{folder, followed};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The ending of temporary files.
@@ -22,39 +27,72 @@ fn live() -> MutexGuard<'static, Vec<PathBuf>> {
     LIVE.lock().unwrap_or_else(PoisonError::into_inner) // a list of names cannot be left half-changed
 }
 
-/// A temporary file's name, known to [`abandon_temporaries`] and free again when this is dropped.
-struct Temporary(PathBuf);
+/// A temporary file, known to [`abandon_temporaries`] and gone when this is dropped.
+struct Temporary {
+    path: PathBuf,
+    file: File,
+}
 
 impl Temporary {
-    /// `.NAME.PROCESS.apr-tmp` beside the target.
-    fn beside(target: &Path) -> Self {
+    /// Makes `.NAME.PROCESS.CHANCE.apr-tmp` beside the target, which nobody had before, and locks it.
+    fn beside(target: &Path) -> std::io::Result<Self> {
+        /// More than one is needed only when somebody clears up at the same moment.
+        const TRIES: usize = 16;
+        for _ in 0..TRIES {
+            if let Some(temporary) = Self::create(target)? {
+                return Ok(temporary);
+            }
+        }
+        Err(Cause::AlreadyExists.into())
+    }
+
+    /// None where the name is taken, or somebody who clears up has come between creation and lock.
+    fn create(target: &Path) -> std::io::Result<Option<Self>> {
         let name = target.file_name().unwrap_or_default().to_string_lossy();
-        let path = target.with_file_name(format!(".{name}.{}{ENDING}", std::process::id()));
-        live().push(path.clone());
-        Self(path)
+        let chance = RandomState::new().build_hasher().finish(); // keys from the system's random numbers
+        let path = target.with_file_name(format!(".{name}.{}.{chance:016x}{ENDING}", std::process::id()));
+        // To be read as well: the attributes of a picture's header are put in order when it is whole.
+        let mut exclusively = File::options();
+        exclusively.read(true).write(true).create_new(true);
+        let mut names = live(); // a signal waits until the name is known
+        let file = match exclusively.open(&path) {
+            Err(error) if error.kind() == Cause::AlreadyExists => return Ok(None),
+            opened => opened?,
+        };
+        names.push(path.clone());
+        drop(names);
+        let temporary = Self { path, file };
+        // Some network file systems have no locks; then strays merely stay.
+        let lost = matches!(temporary.file.try_lock(), Err(TryLockError::WouldBlock));
+        Ok((!lost && temporary.path.exists()).then_some(temporary))
     }
 }
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        let _ = fs::remove_file(&self.0); // after a rename it is not there
-        live().retain(|path| *path != self.0);
+        let _ = fs::remove_file(&self.path); // after a rename it is not there
+        live().retain(|path| *path != self.path);
     }
 }
 
 /// Writes `target` by `write`, which gets the temporary file; `target` keeps its old content until
-/// everything is written and on the disk.
+/// everything is written and on the disk. It keeps who may read and write it, and a symbolic link goes on leading
+/// where it leads: that file is replaced.
 ///
 /// # Errors
 /// When `write` fails, or the folder takes no new file, or the disk is full. Then `target` is as it
 /// was and the temporary file is gone.
 fn write_atomically(target: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<()> {
-    remove_strays(target);
-    let temporary = Temporary::beside(target);
-    let renamed = fill(&temporary.0, write).and_then(|file| {
+    let old = replaced(target)?;
+    let end = followed(target);
+    remove_strays(&end);
+    let renamed = Temporary::beside(&end).map_err(|error| cannot_write(&error)).and_then(|temporary| {
+        // Before the first byte: what was private stays so at every moment.
+        old.map_or(Ok(()), |old| keep_access(&temporary.file, &old)).map_err(|error| cannot_write(&error))?;
+        fill(&temporary.file, write)?;
         let names = live(); // from here on a signal must wait: the file is the result now
-        let renamed = fs::rename(&temporary.0, target);
-        drop((names, file));
+        let renamed = fs::rename(&temporary.path, &end);
+        drop(names);
         renamed.map_err(|error| cannot_write(&error))
     });
     renamed.map_err(|error| error.in_file(target))
@@ -71,16 +109,51 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Checks that a file can be written at `target`, before the work that is to fill it.
 ///
 /// # Errors
-/// `Unwritable` when it is a folder, or its folder is missing or takes no new file.
+/// `Unwritable` when it is anything but a regular file, or its folder is missing or takes no new file.
 pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
     let target = target.as_ref();
-    if target.is_dir() {
-        let what = "is a folder where a file was expected";
-        return Err(Error::new(ErrorKind::Unwritable, what).remedy("name a file in it").in_file(target));
+    replaced(target)?;
+    let created = Temporary::beside(&followed(target));
+    created.map(|_| ()).map_err(|error| cannot_write(&error).in_file(target))
+}
+
+/// The file that a result replaces; none where there is none yet.
+///
+/// # Errors
+/// `Unwritable` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it.
+fn replaced(target: &Path) -> Result<Option<Metadata>> {
+    let refuse = |what: &str, remedy: &str| {
+        Err(Error::new(ErrorKind::Unwritable, what).remedy(remedy).in_file(target))
+    };
+    match fs::metadata(target) {
+        Ok(old) if old.is_file() => Ok(Some(old)),
+        Ok(old) if old.is_dir() => refuse("is a folder where a file was expected", "name a file in it"),
+        Ok(_) => refuse(
+            "is a device or a pipe where a file was expected",
+            "name a regular file: results are written beside it and renamed",
+        ),
+        Err(error) if error.kind() == Cause::NotFound => Ok(None),
+        Err(error) => Err(cannot_write(&error).in_file(target)),
     }
-    let temporary = Temporary::beside(target);
-    let created = File::create(&temporary.0).map_err(|error| cannot_write(&error).in_file(target));
-    created.map(|_| ())
+}
+
+/// Lets those read and write `file` who may do so with the `old` one.
+#[cfg(unix)]
+fn keep_access(file: &File, old: &Metadata) -> std::io::Result<()> {
+    use std::os::unix::fs::PermissionsExt;
+    /// Reading, writing and executing; a new content has no claim to another user's rights (setuid).
+    const ACCESS: u32 = 0o777;
+    let bits = |metadata: &Metadata| metadata.permissions().mode() & ACCESS;
+    if bits(&file.metadata()?) == bits(old) {
+        return Ok(()); // file systems without such bits take no change of them
+    }
+    file.set_permissions(fs::Permissions::from_mode(bits(old)))
+}
+
+/// Other systems let a file inherit this from its folder.
+#[cfg(not(unix))]
+fn keep_access(_: &File, _: &Metadata) -> std::io::Result<()> {
+    Ok(())
 }
 
 /// Removes the temporary files that this process is writing, and keeps it from renaming any: for a
@@ -93,33 +166,34 @@ pub fn abandon_temporaries() {
     std::mem::forget(names);
 }
 
-fn fill(temporary: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<File> {
-    // To be read as well: the attributes of a picture's header are put in order when it is whole.
-    let mut create = File::options();
-    let file = create.read(true).write(true).create(true).truncate(true).open(temporary);
-    let file = file.map_err(|error| cannot_write(&error))?;
-    let _ = file.try_lock(); // some network file systems have no locks; then strays merely stay
-    let mut buffered = BufWriter::with_capacity(1 << 20, &file);
+fn fill(file: &File, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) -> Result<()> {
+    let mut buffered = BufWriter::with_capacity(1 << 20, file);
     write(&mut buffered)?;
-    buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error))?;
-    drop(buffered);
-    Ok(file)
+    buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error))
 }
 
 /// Removes what killed runs for the same target left: temporary files that nobody holds locked.
 fn remove_strays(target: &Path) {
     let start = format!(".{}.", target.file_name().unwrap_or_default().to_string_lossy());
-    let folder = target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+    for entry in fs::read_dir(folder(target)).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        let process = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(ENDING));
-        if process.is_some_and(|id| !id.is_empty() && id.bytes().all(|byte| byte.is_ascii_digit())) {
-            let free = File::open(entry.path()).is_ok_and(|file| file.try_lock().is_ok());
-            if free {
-                let _ = fs::remove_file(entry.path()); // another run may have been faster
-            }
+        let writer = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(ENDING));
+        if !writer.is_some_and(is_writer) {
+            continue;
+        }
+        // Held until it is removed: a writer that has just made it finds the lock taken and makes another.
+        if let Some(_held) = File::open(entry.path()).ok().filter(|file| file.try_lock().is_ok()) {
+            let _ = fs::remove_file(entry.path()); // another run may have been faster
         }
     }
+}
+
+/// Whether this stands for a temporary file's writer in its name: a process's number and a number by chance, which
+/// names of earlier versions lack.
+fn is_writer(text: &str) -> bool {
+    let (process, chance) = text.split_once('.').unwrap_or((text, "0"));
+    let digits = |text: &str, radix| !text.is_empty() && text.chars().all(|digit| digit.is_digit(radix));
+    digits(process, 10) && digits(chance, 16)
 }
 
 /// Writes an EXR file at `target` by `write`, like [`write_atomically`], with its attributes in order.
@@ -171,15 +245,72 @@ mod tests {
     #[test]
     fn strays_of_killed_runs_go_and_live_ones_stay() {
         let folder = tempfile::tempdir().unwrap();
-        for name in [".out.exr.1.apr-tmp", ".out.exr.2.apr-tmp", ".out.exr.x.apr-tmp", ".other.exr.1.apr-tmp"]
-        {
+        let strays = [".out.exr.1.apr-tmp", ".out.exr.2.apr-tmp", ".out.exr.3.0f.apr-tmp"];
+        let others = [".other.exr.1.apr-tmp", ".out.exr.1.2.3.apr-tmp", ".out.exr.x.apr-tmp"];
+        for name in strays.iter().chain(&others) {
             fs::write(folder.path().join(name), "").unwrap();
         }
         let live = File::create(folder.path().join(".out.exr.2.apr-tmp")).unwrap();
         live.lock().unwrap();
         write_atomically(&folder.path().join("out.exr"), |_| Ok(())).unwrap();
-        let left = [".other.exr.1.apr-tmp", ".out.exr.2.apr-tmp", ".out.exr.x.apr-tmp", "out.exr"];
+        let mut left = [&others[..], &[".out.exr.2.apr-tmp", "out.exr"]].concat();
+        left.sort();
         assert_eq!(names(folder.path()), left);
+    }
+
+    #[test]
+    fn two_writers_of_one_process_number_do_not_share_a_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.exr");
+        write_atomically(&target, |outer| {
+            outer.write_all(b"out").unwrap();
+            write_bytes(&target, b"inner").unwrap();
+            assert_eq!(fs::read(&target).unwrap(), b"inner");
+            outer.write_all(b"er").unwrap();
+            Ok(())
+        })
+        .unwrap();
+        assert_eq!(fs::read(&target).unwrap(), b"outer");
+        assert_eq!(names(folder.path()), ["out.exr"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_link_is_written_through_and_access_stays() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link, new] = ["a.exr", "b.exr", "c.exr"].map(|name| folder.path().join(name));
+        fs::create_dir(folder.path().join("far")).unwrap();
+        symlink("a.exr", &link).unwrap();
+        symlink("far/c.exr", &new).unwrap();
+        fs::write(&file, "old").unwrap();
+        for mode in [0o600, 0o664, 0o444] {
+            fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
+            write_bytes(&link, format!("{mode}").as_bytes()).unwrap();
+            assert_eq!(fs::read_to_string(&file).unwrap(), format!("{mode}"));
+            assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, mode);
+        }
+        check_target(&new).unwrap();
+        write_bytes(&new, b"far").unwrap();
+        assert_eq!(fs::read(folder.path().join("far/c.exr")).unwrap(), b"far");
+        assert!([link, new].iter().all(|link| link.is_symlink()));
+        assert_eq!(names(folder.path()), ["a.exr", "b.exr", "c.exr", "far"]);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn what_is_no_file_is_refused_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let socket = folder.path().join("out.exr");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        for target in [&*socket, Path::new("/dev/null")] {
+            for refused in [check_target(target), write_bytes(target, b"new")] {
+                let error = refused.unwrap_err();
+                assert_eq!(error.kind(), ErrorKind::Unwritable);
+                assert!(error.to_string().contains("a device or a pipe"), "{error}");
+            }
+        }
+        assert_eq!(names(folder.path()), ["out.exr"]);
     }
 
     #[test]

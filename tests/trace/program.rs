@@ -85,6 +85,32 @@ fn a_killed_reference_goes_on_where_it_was() {
     assert_eq!(frame(&out), frame(&whole));
 }
 
+/// The picture cannot be written: nothing is lost, the next run draws no sample.
+#[test]
+fn a_reference_that_cannot_be_written_keeps_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [48, 36]), folder.path().join("out.exr"));
+    let checkpoint = folder.path().join("out.exr.checkpoint");
+    let mut reference = program();
+    reference.arg(&scene).arg(&out).args(["--reference", "400", "--checkpoint-every", "0", "--quiet"]);
+    reference.stderr(Stdio::piped());
+    let running = reference.spawn().unwrap();
+    let start = Instant::now();
+    while !checkpoint.exists() && start.elapsed() < Duration::from_secs(60) {
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    std::fs::create_dir(&out).expect("it has not come to its end");
+    let failed = running.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&failed.stderr).into_owned();
+    assert!(failed.status.code() == Some(5) && said.contains("out.exr: is a folder"), "{said}");
+    std::fs::remove_dir(&out).unwrap();
+    let report = folder.path().join("report.json");
+    assert!(reference.arg("--report").arg(&report).status().unwrap().success());
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(report).unwrap()).unwrap();
+    assert_eq!((&told["samples"], &told["samplesOfThisRun"]), (&(48 * 36 * 400).into(), &0.into()));
+    assert!(out.exists() && !checkpoint.exists());
+}
+
 #[test]
 fn a_map_of_samples_and_a_report() {
     let folder = tempfile::tempdir().unwrap();
@@ -196,5 +222,34 @@ fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
         let output = adaptive(refused);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(2) && said.contains(why), "{said}");
+    }
+}
+
+#[test]
+fn a_picture_of_another_ending_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.png"));
+    let output = program().arg(&scene).arg(&out).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("out.png: does not end in .exr"), "{said}");
+}
+
+#[test]
+fn files_that_would_replace_each_other_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));
+    let before = std::fs::read(&scene).unwrap();
+    let checkpoint = folder.path().join("out.exr.checkpoint");
+    for (report, words) in [
+        (&scene, "the report and the scene"),
+        (&out, "the report and the picture"),
+        (&checkpoint, "the checkpoint and the report"),
+    ] {
+        let mut command = program();
+        command.arg(&scene).arg(&out).args(["--reference", "2", "--report"]).arg(report);
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
+        assert!(std::fs::read(&scene).unwrap() == before && !out.exists());
     }
 }

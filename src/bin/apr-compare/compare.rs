@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use apr::Result;
 use apr::image::Rgb;
+use apr::io::{self, RunFile};
 use apr::metrics::{self, Scores};
 use apr::report::png;
-use apr::{Result, io};
 
 /// What to compare, and how to show it.
 #[derive(clap::Args)]
@@ -33,6 +34,7 @@ pub struct CompareArguments {
 /// # Errors
 /// When a picture cannot be read, compared or written.
 pub fn run(arguments: &CompareArguments) -> Result<String> {
+    check_files(arguments)?;
     let reference = io::read_rgb(&arguments.reference)?;
     metrics::finite(&reference, "the reference").map_err(|e| e.in_file(&arguments.reference))?;
     let paths: Vec<&Path> =
@@ -51,6 +53,20 @@ pub fn run(arguments: &CompareArguments) -> Result<String> {
         io::write_bytes(path, &png::side_by_side(&pictures)?)?;
     }
     if arguments.json { json(arguments, &paths, &scores) } else { Ok(table(&paths, &scores)) }
+}
+
+/// Checks, before any work, that pictures can be written and destroy nothing.
+fn check_files(arguments: &CompareArguments) -> Result<()> {
+    let results = std::iter::once(&arguments.result).chain(&arguments.more);
+    let read = results.map(|path| RunFile { role: "a result", path });
+    let read = read.chain([RunFile { role: "the reference", path: &arguments.reference }]);
+    let heat_map = arguments.heatmap.iter().map(|path| RunFile { role: "the heat map", path });
+    let side_by_side =
+        arguments.side_by_side.iter().map(|path| RunFile { role: "the picture of --side-by-side", path });
+    let written: Vec<RunFile> = heat_map.chain(side_by_side).collect();
+    io::check_apart(read, written.iter().copied())
+        .map_err(|error| error.remedy("give what is written a name of its own"))?;
+    written.iter().try_for_each(|file| io::check_target(file.path))
 }
 
 fn heat_maps(results: &[Rgb], reference: &Rgb) -> Result<Vec<u8>> {

@@ -1,6 +1,8 @@
 //! `apr-compare RESULT REFERENCE [MORE…]`: how far results are from their reference;
 //! `apr-compare sweep INPUT… --reference REF`: what accuracy costs in time.
 
+#[path = "../apr-denoise/answer.rs"]
+mod answer;
 mod compare;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
@@ -49,13 +51,8 @@ const EXIT_CODES: &str = "Exit codes:
 fn main() -> ExitCode {
     let arguments = generate::parse::<CommandLine>();
     failure::told(|| match (&arguments.command, &arguments.compare) {
-        (Some(Command::Sweep(sweep)), _) => sweep::run(sweep).map(|text| print(&text)),
-        (None, Some(compare)) => compare::run(compare).map(|text| print(&text)),
+        (Some(Command::Sweep(sweep)), _) => answer::print(sweep::run(sweep)?.trim_end()),
+        (None, Some(compare)) => answer::print(compare::run(compare)?.trim_end()),
         (None, None) => unreachable!("clap asks for one of them"),
     })
-}
-
-#[expect(clippy::print_stdout, reason = "the one place where this program answers")]
-fn print(text: &str) {
-    print!("{text}");
 }

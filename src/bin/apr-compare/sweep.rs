@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use apr::denoise::Silent;
 use apr::image::{Plane, Rgb};
-use apr::io::{self, Picture, ReadOptions};
+use apr::io::{self, Picture, ReadOptions, RunFile};
 use apr::metrics::{self, REL_MSE_EPSILON};
 use apr::report::sweep::{Input, Layer, Run, Sweep};
 use apr::report::{self, page, png};
@@ -67,6 +67,7 @@ struct Rival {
 pub fn run(arguments: &SweepArguments) -> Result<String> {
     let variants = variants(arguments.variants.as_deref())?;
     let rivals = rivals(arguments.rivals.as_deref())?;
+    check_files(arguments, &rivals)?;
     let reference_file = Picture::read(&arguments.reference, &ReadOptions::default())?;
     let reference = reference_file.frame().color();
     let read = ReadOptions { spp: arguments.spp, ..ReadOptions::default() };
@@ -200,6 +201,24 @@ fn rivals(path: Option<&Path>) -> Result<Vec<Rival>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     rivals.iter_mut().for_each(|rival| rival.picture = folder.join(&rival.picture));
     Ok(rivals)
+}
+
+/// Checks that the page and its charts, whose names follow from the inputs', replace nothing that is read and not
+/// one another.
+fn check_files(arguments: &SweepArguments, rivals: &[Rival]) -> Result<()> {
+    let charts = names(&arguments.inputs)
+        .flat_map(|name| ["time", "calibration"].map(|chart| format!("{chart}-{}.svg", plain(&name))));
+    let pages = ["index.html", "sweep.json", "samples.svg"].map(str::to_owned);
+    let written: Vec<PathBuf> = charts.chain(pages).map(|name| arguments.out.join(name)).collect();
+    let files = arguments.inputs.iter().chain([&arguments.reference]).chain(&arguments.variants);
+    let read = files.chain(&arguments.rivals).chain(rivals.iter().map(|rival| &rival.picture));
+    io::check_apart(
+        read.map(|path| RunFile { role: "what the sweep reads", path }),
+        written.iter().map(|path| RunFile { role: "a part of the page", path }),
+    )
+    .map_err(|error| {
+        error.remedy("give inputs names of their own, and the page a folder of its own by --out")
+    })
 }
 
 fn write(sweep: &Sweep, folder: &Path) -> Result<()> {

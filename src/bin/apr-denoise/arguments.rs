@@ -63,9 +63,9 @@ pub struct Arguments {
     /// Write a report of the run; of a sequence one for each frame: 'report.####.json'.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Do nothing where the result is there already, which is always a whole one. It must have been made
-    /// by the same options and version, else the run stops before any work.
-    #[arg(long, conflicts_with = "inspect")]
+    /// Do nothing where all that is to be written is there already, which is never half-written. The result must
+    /// have been made by the same options and version, of the same region, else the run stops before any work.
+    #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]
@@ -120,7 +120,7 @@ pub struct Arguments {
         help_heading = "Sequences"
     )]
     pub temporal: u8,
-    /// Write one report for all frames.
+    /// Write one report for all frames, also of a run that is told to stop.
     #[arg(long, value_name = "FILE.json", help_heading = "Sequences")]
     pub sequence_report: Option<PathBuf>,
 
@@ -184,6 +184,7 @@ const EXIT_CODES: &str = "Exit codes:
   5    the result cannot be written
   10   done, but the estimated error is above --target-error
   70   a defect of this program
+  129  hung up (SIGHUP)
   130  interrupted (SIGINT)
   143  told to stop (SIGTERM)";
 

@@ -6,6 +6,8 @@ use std::sync::Mutex;
 
 use apr::error::{Error, ErrorKind, Result};
 
+use crate::answer::complain;
+
 /// What the last panic said. Decoders may panic on damaged files, which the library turns into an
 /// error; only what reaches [`told`] is a defect and is shown.
 static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
@@ -19,7 +21,10 @@ pub fn told<T: Termination>(program: impl FnOnce() -> Result<T>) -> ExitCode {
     }));
     match caught(program) {
         Ok(done) => done.report(),
-        Err(error) => complain(&error.to_string(), error.kind()),
+        Err(error) => {
+            complain(&error.to_string());
+            ExitCode::from(error.kind().exit_code())
+        }
     }
 }
 
@@ -32,10 +37,4 @@ pub fn caught<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
         let panic = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
         Err(Error::new(ErrorKind::Internal, format!("internal error, please report it: {panic}")))
     })
-}
-
-#[expect(clippy::print_stderr, reason = "where this program complains")]
-fn complain(message: &str, kind: ErrorKind) -> ExitCode {
-    eprintln!("{}: {message}", env!("CARGO_BIN_NAME"));
-    ExitCode::from(kind.exit_code())
 }

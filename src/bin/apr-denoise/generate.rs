@@ -1,10 +1,10 @@
 //! `--generate`: shell completions and manual pages, from the one definition of the command line.
 
-use std::io::Write;
-
 use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgMatches, Command, CommandFactory, FromArgMatches};
 use clap_complete::Shell;
+
+use crate::answer;
 
 const NAME: &str = "generate";
 const MANUAL: &str = "man";
@@ -20,8 +20,8 @@ pub fn parse<P: CommandFactory + FromArgMatches>() -> P {
     let mut command = with_generate(P::command());
     let matches = command.get_matches_mut();
     if let Some(text) = generated(&mut command, &matches) {
-        let written = std::io::stdout().write_all(&text); // nobody has to listen
-        std::process::exit(if written.is_ok() { 0 } else { 1 });
+        let written = answer::write(&text).inspect_err(|error| answer::complain(&error.to_string()));
+        std::process::exit(written.map_or_else(|error| error.kind().exit_code().into(), |()| 0));
     }
     P::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
 }

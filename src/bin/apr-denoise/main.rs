@@ -1,6 +1,7 @@
 //! `apr-denoise in.exr out.exr`: parse, check, run, export. `apr-denoise merge out.exr region.exr…` puts
 //! regions together.
 
+mod answer;
 mod arguments;
 mod clock;
 mod failure;
@@ -20,9 +21,11 @@ mod shot;
 mod signals;
 mod signature;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use apr::error::{Error, ErrorKind, Result};
+use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
 use plan::Plan;
@@ -38,12 +41,19 @@ fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse();
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions }), _) => {
-            apr::io::merge(output, regions).map(|()| ExitCode::SUCCESS)
-        }
+        (Some(Command::Merge { output, regions }), _) => merge(output, regions),
         (None, Some(arguments)) => denoise(arguments),
         (None, None) => unreachable!("clap asks for one of them"),
     })
+}
+
+fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
+    let read = regions.iter().map(|path| RunFile { role: "a region", path });
+    io::check_apart(read, [RunFile { role: "the picture", path: output }])
+        .map_err(|error| error.remedy("give the picture a name of its own"))?;
+    io::check_ending(output)?;
+    io::check_target(output)?;
+    io::merge(output, regions).map(|()| ExitCode::SUCCESS)
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
@@ -54,13 +64,15 @@ fn denoise(arguments: &Arguments) -> Result<ExitCode> {
     let denoiser = settings::denoiser(arguments)?;
     let mut plan = Plan::new(arguments)?;
     if arguments.inspect {
-        run::print(&inspect::describe(&plan, arguments, &denoiser)?)?;
+        answer::print(&inspect::describe(&plan, arguments, &denoiser)?)?;
         return Ok(ExitCode::SUCCESS);
     }
     if arguments.output.is_none() {
         return Err(Error::new(ErrorKind::Usage, "no output file is given")
             .remedy("name it after the input, or use --inspect"));
     }
+    let pictures = arguments.output.iter().chain(&arguments.sampling_map);
+    pictures.into_iter().try_for_each(io::check_ending)?;
     let signature = signature::of(arguments, &denoiser)?;
     plan.settle_targets(arguments, &signature)?;
     let target_met = run::run(&plan, arguments, &denoiser, &signature)?;

@@ -32,6 +32,15 @@ pub struct Region {
     size: (usize, usize),
 }
 
+impl Region {
+    /// As files tell it: x, y, width, height.
+    pub fn numbers(self) -> [i64; 4] {
+        let ((x, y), (width, height)) = (self.at, self.size);
+        let length = |length: usize| i64::try_from(length).unwrap_or(i64::MAX); // no file is as large
+        [x.into(), y.into(), length(width), length(height)]
+    }
+}
+
 impl FromStr for Region {
     type Err = String;
 

@@ -1,13 +1,14 @@
 //! What is to be done, frame by frame, settled and checked before any work.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use apr::error::{Error, ErrorKind, Result};
-use apr::io;
+use apr::io::{self, RunFile};
 
 use crate::arguments::{Arguments, Missing};
 use crate::frames::FrameSet;
+use crate::parts::Region;
 use crate::pattern::Pattern;
 use crate::signature;
 
@@ -25,7 +26,7 @@ pub struct Job {
 }
 
 /// All frames of a run.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Plan {
     /// Those to denoise, in order.
     pub jobs: Vec<Job>,
@@ -37,7 +38,7 @@ pub struct Plan {
 }
 
 /// The files that the user named.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Names {
     input: Name,
     half: Option<Name>,
@@ -77,7 +78,7 @@ impl Names {
 }
 
 /// A path that the user gave: one file, or one for each frame.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 enum Name {
     One(PathBuf),
     Each(Pattern),
@@ -124,6 +125,9 @@ impl Plan {
             }
         };
         let names = Names::new(arguments, pattern.is_some());
+        if Pattern::parse(&arguments.input).is_none() {
+            check_plain(arguments)?;
+        }
         if let (Some(Name::One(path)), [_, _, ..]) = (&names.half, &frames[..]) {
             return Err(usage("--half is one file for many frames")
                 .remedy("give it a place for the frame's number (####)")
@@ -150,8 +154,15 @@ impl Plan {
     /// The frame `offset` after that of `job`, if all its files are there.
     pub fn beside(&self, job: &Job, offset: i32) -> Option<Job> {
         let beside = self.names.job(Some(job.frame?.checked_add(offset)?));
-        let there = beside.sources().all(|path| path.exists());
+        let there = beside.sources().all(|source| source.path.exists());
         there.then_some(beside)
+    }
+
+    /// The frames up to `reach` before and after that of `job`, as far as there is no gap.
+    fn all_beside(&self, job: &Job, reach: u8) -> Vec<Job> {
+        let side =
+            |sign: i32| (1..=i32::from(reach)).map_while(move |offset| self.beside(job, sign * offset));
+        side(-1).chain(side(1)).collect()
     }
 
     /// The signature of the result of `job` in a run of `signature`, which looks at `reach` frames on both sides.
@@ -168,7 +179,8 @@ impl Plan {
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
         let mut there = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
-            let gone = job.sources().find(|path| !path.exists()).cloned();
+            let gone = job.sources().map(|source| source.path).find(|path| !path.exists());
+            let gone = gone.map(Path::to_owned);
             match gone {
                 Some(path) => self.missing.push((job, path)),
                 None => there.push(job),
@@ -176,7 +188,17 @@ impl Plan {
         }
         self.jobs = there;
         match (&self.missing[..], policy) {
-            ([], _) | (_, Missing::Skip) => Ok(()),
+            ([], _) => Ok(()),
+            (_, Missing::Skip) if !self.jobs.is_empty() => Ok(()),
+            ([(_, first), ..], Missing::Skip) => {
+                let frames: FrameSet = self.missing.iter().filter_map(|(job, _)| job.frame).collect();
+                Err(Error::new(
+                    ErrorKind::Unreadable,
+                    format!("is missing, and none of the frames {frames} has a file"),
+                )
+                .remedy("check the name and its padding, and --frames")
+                .in_file(first))
+            }
             (missing @ [(_, first), ..], Missing::Error) => {
                 let frames: FrameSet = missing.iter().filter_map(|(job, _)| job.frame).collect();
                 let what = format!("is missing; {} frames have no input: {frames}", missing.len());
@@ -195,70 +217,60 @@ impl Plan {
     /// `Usage` when results would overwrite each other or an input that is still needed, or were made
     /// by other settings; `Unwritable` when a folder takes no file.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
-        self.check_collisions()?;
-        if let Some(job) = self.jobs.iter().find(|job| arguments.temporal > 0 && job.output == job.input) {
-            return Err(usage(
-                "--temporal reads frames after their turn, and they would be denoised already",
-            )
-            .remedy("give the results names of their own")
-            .in_file(&job.output));
-        }
+        self.check_in_place(arguments)?;
+        self.check_collisions(arguments)?;
         if arguments.skip_existing {
-            self.take_out_finished(signature, arguments.temporal)?;
+            self.take_out_finished(signature, arguments)?;
         }
         let mut seen = HashSet::new();
-        let all = self.jobs.iter().flat_map(Job::targets);
-        for target in all.chain(&arguments.sequence_report) {
-            // One try in each folder is enough, but a folder in a file's place is told for each.
-            if seen.insert(target.parent()) || target.is_dir() {
+        let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
+        for target in all.chain(arguments.sequence_report.as_deref()) {
+            // One try in each folder is enough, but what is there and no plain file is told for each.
+            let odd = target.symlink_metadata().is_ok_and(|there| !there.is_file());
+            if seen.insert(target.parent()) || odd {
                 io::check_target(target)?; // better now than after the work
             }
         }
         Ok(())
     }
 
-    fn check_collisions(&self) -> Result<()> {
-        let mut targets: HashSet<&Path> = HashSet::new();
-        for job in &self.jobs {
-            for target in job.targets() {
-                if !targets.insert(target) {
-                    return Err(usage("several results would be written here")
-                        .remedy("give outputs and reports different names, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
-                        .in_file(target));
-                }
+    /// Checks that no result takes the place of its input where that would lose something.
+    fn check_in_place(&self, arguments: &Arguments) -> Result<()> {
+        let why = match arguments.region {
+            Some(_) => "the region alone would replace the whole picture",
+            None if arguments.temporal > 0 => {
+                "--temporal reads frames after their turn, and they would be denoised already"
             }
-        }
-        let read_by: HashMap<&Path, Option<i32>> =
-            self.jobs.iter().flat_map(|job| job.sources().map(|path| (path.as_path(), job.frame))).collect();
-        for job in &self.jobs {
-            let own_input = job.output == job.input;
-            if !own_input && read_by.contains_key(job.output.as_path()) {
-                return Err(usage("is an input as well as a result")
-                    .remedy("give the results names of their own")
-                    .in_file(&job.output));
-            }
-        }
-        Ok(())
+            None => return Ok(()),
+        };
+        let in_place = self.jobs.iter().find(|job| job.is_in_place());
+        in_place.map_or(Ok(()), |job| {
+            Err(usage(why).remedy("give the results names of their own").in_file(&job.output))
+        })
     }
 
-    fn take_out_finished(&mut self, signature: &str, reach: u8) -> Result<()> {
+    /// In place a result takes its own input's name and nothing else.
+    fn check_collisions(&self, arguments: &Arguments) -> Result<()> {
+        let beside_of = |job| self.all_beside(job, arguments.temporal);
+        let all_beside: Vec<Job> = self.jobs.iter().flat_map(beside_of).collect();
+        let of_frames = self.frames().flat_map(|job| job.sources().skip(usize::from(job.is_in_place())));
+        let options = arguments.options.iter().map(|path| file("the options", path));
+        let beside = all_beside.iter().flat_map(Job::sources);
+        let sequence_report = arguments.sequence_report.iter().map(|path| file("the sequence report", path));
+        let targets = self.jobs.iter().flat_map(Job::targets).chain(sequence_report);
+        io::check_apart(of_frames.chain(beside).chain(options), targets).map_err(|error| {
+            error.remedy("give outputs and reports names of their own, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
+        })
+    }
+
+    fn take_out_finished(&mut self, signature: &str, arguments: &Arguments) -> Result<()> {
         let mut to_do = Vec::new();
         let mut by_others: Vec<(Job, String)> = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
-            if !job.output.exists() {
-                to_do.push(job);
-                continue;
-            }
-            let found = io::signature(&job.output).ok().flatten();
-            let wanted = self.signature(signature, &job, reach);
-            match found {
-                Some(found) if found == wanted => {
-                    let whole = job.report.as_ref().is_none_or(|report| report.exists());
-                    if whole { self.finished.push(job) } else { to_do.push(job) }
-                }
-                Some(found) if signature::only_neighbours_differ(&found, &wanted) => to_do.push(job),
-                None if job.output == job.input => to_do.push(job), // not denoised in place yet
-                found => by_others.push((job, signature::difference(found.as_deref(), &wanted))),
+            match self.found(&job, signature, arguments)? {
+                Found::Nothing => to_do.push(job),
+                Found::Finished => self.finished.push(job),
+                Found::Otherwise(difference) => by_others.push((job, difference)),
             }
         }
         self.jobs = to_do;
@@ -269,17 +281,71 @@ impl Plan {
             .remedy("remove it, write elsewhere, or run without --skip-existing")
             .in_file(&first.output))
     }
+
+    /// What of `job` an earlier run has done.
+    fn found(&self, job: &Job, signature: &str, arguments: &Arguments) -> Result<Found> {
+        if !job.output.exists() {
+            return Ok(Found::Nothing);
+        }
+        let wanted = self.signature(signature, job, arguments.temporal);
+        let region = arguments.region.map(Region::numbers);
+        let region_there = io::region(&job.output).ok().flatten();
+        Ok(match io::signature(&job.output).ok().flatten() {
+            Some(_) if region != region_there => {
+                let [there, wanted] = [region_there, region].map(words);
+                Found::Otherwise(format!("it holds {there} and not {wanted}"))
+            }
+            Some(found) if found == wanted => match job.targets().find(|target| !target.path.exists()) {
+                None => Found::Finished,
+                Some(missing) if job.is_in_place() => return Err(lost(missing)),
+                Some(_) => Found::Nothing,
+            },
+            Some(found) if signature::only_neighbours_differ(&found, &wanted) => Found::Nothing,
+            None if job.is_in_place() => Found::Nothing, // not denoised in place yet
+            found => Found::Otherwise(signature::difference(found.as_deref(), &wanted)),
+        })
+    }
+}
+
+/// What there is of a frame's results.
+enum Found {
+    /// Not all of them: the frame is to be done.
+    Nothing,
+    Finished,
+    /// A result of other settings; in words, what differs.
+    Otherwise(String),
+}
+
+fn words(region: Option<[i64; 4]>) -> String {
+    let numbers = |region: [i64; 4]| region.map(|number| number.to_string()).join(",");
+    region.map_or("the whole picture".to_owned(), |region| format!("the region {}", numbers(region)))
+}
+
+/// The error of a file that would have to be made of an input which is denoised already.
+fn lost(missing: RunFile) -> Error {
+    usage(&format!("{} is missing, and its input was denoised in place", missing.role))
+        .remedy("leave the option out, or denoise the render itself again")
+        .in_file(missing.path)
 }
 
 impl Job {
-    /// All files that are read for it.
-    fn sources(&self) -> impl Iterator<Item = &PathBuf> {
-        std::iter::once(&self.input).chain(&self.half).chain(&self.with)
+    /// All files that are read for it, the input first.
+    fn sources(&self) -> impl Iterator<Item = RunFile<'_>> {
+        let half = self.half.iter().map(|path| file("the half", path));
+        let with = self.with.iter().map(|path| file("a file of --with", path));
+        std::iter::once(file("the input", &self.input)).chain(half).chain(with)
     }
 
     /// All files that are written for it.
-    fn targets(&self) -> impl Iterator<Item = &PathBuf> {
-        std::iter::once(&self.output).chain(&self.report).chain(&self.sampling_map)
+    fn targets(&self) -> impl Iterator<Item = RunFile<'_>> {
+        let report = self.report.iter().map(|path| file("the report", path));
+        let map = self.sampling_map.iter().map(|path| file("the sampling map", path));
+        std::iter::once(file("the result", &self.output)).chain(report).chain(map)
+    }
+
+    /// Whether the result replaces the input.
+    fn is_in_place(&self) -> bool {
+        io::is_same_file(&self.output, &self.input)
     }
 
     /// How messages call it.
@@ -297,6 +363,24 @@ fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<V
             .in_file(input));
     }
     Ok(found.iter().map(Some).collect())
+}
+
+/// Checks that no result of a single picture has a name with a place for a frame's number.
+fn check_plain(arguments: &Arguments) -> Result<()> {
+    let named = [&arguments.output, &arguments.report, &arguments.sampling_map].into_iter().flatten();
+    let has_place =
+        |path: &&PathBuf| path.file_name().is_some_and(|name| Pattern::parse(Path::new(name)).is_some());
+    named.clone().find(has_place).map_or(Ok(()), |path| {
+        Err(usage("has a place for the frame's number, and the input has none")
+            .remedy(
+                "write the input as shot.####.exr too, or name the result without #, @@, %d, $F and <frame>",
+            )
+            .in_file(path))
+    })
+}
+
+fn file<'a>(role: &'a str, path: &'a Path) -> RunFile<'a> {
+    RunFile { role, path }
 }
 
 fn usage(what: &str) -> Error {

@@ -1,9 +1,11 @@
 //! How far the run is: a bar on a terminal, lines for programs otherwise.
 
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::answer::print;
 
 /// Steps of the plain lines, in per cent.
 const STEP: u32 = 5;
@@ -154,5 +156,5 @@ fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
 
 /// The protocol of render farms: `progress NN` on the standard output. Nobody has to listen.
 fn line(percent: u32) {
-    let _ = writeln!(std::io::stdout(), "progress {percent}");
+    let _ = print(&format!("progress {percent}"));
 }

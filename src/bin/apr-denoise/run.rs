@@ -5,16 +5,16 @@
 //! the results of two are. The order of the work changes no bit of any result.
 
 use std::collections::HashSet;
-use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use apr::baseline::Denoiser;
-use apr::error::{Error, ErrorKind, Result};
+use apr::error::{Error, Result};
 use apr::io::{self, Picture};
 
+use crate::answer::{complain, print};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
@@ -25,6 +25,7 @@ use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
 use crate::shot::Shelf;
+use crate::signals;
 
 /// What all frames share.
 struct Run<'a> {
@@ -37,7 +38,8 @@ struct Run<'a> {
     last: AtomicUsize,
     /// Some frame's estimated error is above the target.
     target_missed: AtomicBool,
-    outcomes: Mutex<Vec<Outcome>>,
+    /// As they are if the run ends now.
+    outcomes: Arc<Mutex<Vec<Outcome>>>,
     errors: Mutex<Vec<(usize, Error)>>,
     /// Warnings that were given: those of a sequence tend to be the same for every frame.
     warned: Mutex<HashSet<String>>,
@@ -67,7 +69,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         progress: Progress::new(arguments.quiet, plan.jobs.len(), stages),
         last: AtomicUsize::new(usize::MAX),
         target_missed: AtomicBool::new(false),
-        outcomes: Mutex::new(vec![Outcome::NotRun; plan.jobs.len()]),
+        outcomes: report_when_stopped(plan, arguments, denoiser, begun),
         errors: Mutex::default(),
         warned: Mutex::default(),
     };
@@ -82,7 +84,9 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         drop(denoised);
     });
     run.progress.finish();
-    let outcomes = run.outcomes.into_inner().unwrap_or_else(PoisonError::into_inner);
+    let mut outcomes = locked(&run.outcomes).clone();
+    // Frames that were read ahead of one that failed, and given up.
+    outcomes.iter_mut().filter(|it| matches!(it, Outcome::Interrupted)).for_each(|it| *it = Outcome::NotRun);
     let errors = run.errors.into_inner().unwrap_or_else(PoisonError::into_inner);
     let seconds = begun.elapsed().as_secs_f64();
     let report = SequenceReport::new(plan, &outcomes, denoiser, seconds, memory::peak());
@@ -97,6 +101,31 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
     Ok(!run.target_missed.into_inner())
 }
 
+/// The outcomes of a run that begins, and the sequence's report of them should it be told to stop.
+fn report_when_stopped(
+    plan: &Plan,
+    arguments: &Arguments,
+    denoiser: &Denoiser,
+    begun: Instant,
+) -> Arc<Mutex<Vec<Outcome>>> {
+    let outcomes = Arc::new(Mutex::new(vec![Outcome::NotRun; plan.jobs.len()]));
+    if let Some(path) = arguments.sequence_report.clone() {
+        let (plan, denoiser, outcomes) = (plan.clone(), denoiser.clone(), Arc::clone(&outcomes));
+        signals::before_the_end(move || {
+            let (outcomes, seconds) = (locked(&outcomes).clone(), begun.elapsed().as_secs_f64());
+            let report = SequenceReport::new(&plan, &outcomes, &denoiser, seconds, memory::peak());
+            if let Err(error) = report.write(&path) {
+                complain(&error.to_string());
+            }
+        });
+    }
+    outcomes
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner) // each change is one step
+}
+
 impl<'a> Run<'a> {
     fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
         let mut shelf = Shelf::default();
@@ -107,6 +136,7 @@ impl<'a> Run<'a> {
             }
             let progress = self.progress.of_frame(index, job.frame.map(|_| job.label()));
             let clock = Clock::new(progress, self.plan.jobs.len() == 1);
+            locked(&self.outcomes)[index] = Outcome::Interrupted; // until something better becomes of it
             let input = self.tried(index, || {
                 clock.begin("read");
                 let whole = || shelf.shot(self.plan, job, reach, |job| self.read(job));
@@ -152,7 +182,7 @@ impl<'a> Run<'a> {
         for Step { index, clock, content: (used, output) } in results {
             let written = self.tried(index, || self.write(&self.plan.jobs[index], &used, &output, clock));
             if let Some(outcome) = written {
-                self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] = outcome;
+                locked(&self.outcomes)[index] = outcome;
             }
         }
     }
@@ -202,9 +232,9 @@ impl<'a> Run<'a> {
             // A single picture's is told at the end.
             self.progress.aside(|| complain(&format!("{}: {error}", job.label())));
         }
-        self.outcomes.lock().unwrap_or_else(PoisonError::into_inner)[index] =
+        locked(&self.outcomes)[index] =
             Outcome::Failed { exit_code: error.kind().exit_code(), error: error.to_string() };
-        self.errors.lock().unwrap_or_else(PoisonError::into_inner).push((index, error));
+        locked(&self.errors).push((index, error));
         None
     }
 
@@ -215,26 +245,10 @@ impl<'a> Run<'a> {
     }
 
     fn warn(&self, job: &Job, warning: &str) {
-        let new = self.warned.lock().unwrap_or_else(PoisonError::into_inner).insert(warning.to_owned());
+        let new = locked(&self.warned).insert(warning.to_owned());
         if new {
             let place = job.frame.map_or(String::new(), |_| format!("{}: ", job.label()));
             self.progress.aside(|| complain(&format!("warning: {place}{warning}")));
         }
     }
-}
-
-/// Answers on the standard output; whoever closed it does not want to hear.
-pub fn print(text: &str) -> Result<()> {
-    match writeln!(std::io::stdout(), "{text}") {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Error::new(ErrorKind::Unwritable, format!("the standard output cannot be written: {error}")))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Tells something on the way that is no answer.
-#[expect(clippy::print_stderr, reason = "where this program warns")]
-pub fn complain(words: &str) {
-    eprintln!("{}: {words}", env!("CARGO_BIN_NAME"));
 }

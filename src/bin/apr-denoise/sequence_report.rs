@@ -31,6 +31,7 @@ struct Counts {
     skipped: usize,
     missing: usize,
     failed: usize,
+    interrupted: usize,
     not_run: usize,
 }
 
@@ -61,6 +62,8 @@ pub enum Outcome {
     Missing { file: String },
     /// It could not be read, denoised or written.
     Failed { exit_code: u8, error: String },
+    /// The run was told to stop while it was at work on it.
+    Interrupted,
     /// The run ended before its turn.
     NotRun,
 }
@@ -94,6 +97,7 @@ impl<'a> SequenceReport<'a> {
             skipped: count(|outcome| matches!(outcome, Outcome::Skipped)),
             missing: count(|outcome| matches!(outcome, Outcome::Missing { .. })),
             failed: count(|outcome| matches!(outcome, Outcome::Failed { .. })),
+            interrupted: count(|outcome| matches!(outcome, Outcome::Interrupted)),
             not_run: count(|outcome| matches!(outcome, Outcome::NotRun)),
         };
         Self {

@@ -18,15 +18,27 @@ pub struct Checkpoint {
     key: Vec<u8>,
 }
 
+/// Where it is; none unless the render is a reference.
+pub fn path(args: &Args) -> Option<PathBuf> {
+    let mut path = args.out.clone().filter(|_| args.reference.is_some())?.into_os_string();
+    path.push(".checkpoint");
+    Some(path.into())
+}
+
+/// Removes it when the picture is written.
+pub fn remove(args: &Args) {
+    if let Some(path) = path(args) {
+        let _ = std::fs::remove_file(path); // a later run would refuse it or take it up: both are told
+    }
+}
+
 impl Checkpoint {
     /// Of a render of `scene` with these; none unless it is a reference.
     pub fn new(args: &Args, options: &RenderOptions, scene: &Scene) -> Self {
-        let out = args.out.as_ref().filter(|_| args.reference.is_some());
-        let path = out.map(|out| PathBuf::from(format!("{}.checkpoint", out.display())));
         let what = RenderOptions { spp: 0, ..options.clone() };
         let key = format!("apr-trace checkpoint 1\n{:016x}\n{what:?}\n", scene.fingerprint()).into_bytes();
         let every = Duration::try_from_secs_f64(args.checkpoint_every.max(0.0)).unwrap_or(Duration::MAX);
-        Self { path, every, saved: Instant::now(), key }
+        Self { path: path(args), every, saved: Instant::now(), key }
     }
 
     /// Takes up the film of an earlier run, if there is one, towards `spp` samples per pixel; how many of
@@ -51,19 +63,15 @@ impl Checkpoint {
     }
 
     /// Writes it where it is time to.
+    pub fn save_at_times(&mut self, renderer: &Renderer) -> Result<()> {
+        if self.saved.elapsed() >= self.every { self.save(renderer) } else { Ok(()) }
+    }
+
+    /// Writes it now: after the last pass, so that a picture which cannot be written costs no second render.
     pub fn save(&mut self, renderer: &Renderer) -> Result<()> {
-        let Some(path) = self.path.as_ref().filter(|_| self.saved.elapsed() >= self.every) else {
-            return Ok(());
-        };
+        let Some(path) = &self.path else { return Ok(()) };
         write_bytes(path, &[self.key.clone(), renderer.film().to_bytes()].concat())?;
         self.saved = Instant::now();
         Ok(())
-    }
-
-    /// Removes it after the last pass.
-    pub fn remove(&self) {
-        if let Some(path) = &self.path {
-            let _ = std::fs::remove_file(path); // there is none after a short run
-        }
     }
 }

@@ -1,8 +1,10 @@
 //! `apr-trace scene.json out.exr`: renders a scene with everything the denoiser can use.
 
-#![allow(clippy::print_stdout, clippy::print_stderr)] // a program talks to its user
-
+#[path = "../apr-denoise/answer.rs"]
+mod answer;
 mod checkpoint;
+#[path = "../apr-denoise/failure.rs"]
+mod failure;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
 mod progress;
@@ -12,8 +14,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
+use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
-use apr::io::{FrameHeader, check_target, read_counts, write_bytes, write_frame};
+use apr::io::{
+    FrameHeader, RunFile, check_apart, check_ending, check_target, read_counts, write_bytes, write_frame,
+};
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
@@ -125,23 +130,16 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 
 fn main() -> ExitCode {
     let args = generate::parse::<Args>();
-    match run(&args) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {error}");
-            ExitCode::from(error.kind().exit_code())
-        }
-    }
+    failure::told(|| run(&args))
 }
 
 fn run(args: &Args) -> Result<()> {
     let scene = Scene::load(&args.scene)?;
     let options = args.options()?;
     let Some(out) = args.out.as_ref().filter(|_| !args.plan) else {
-        print_plan(&Plan::new(&scene, &options));
-        return Ok(());
+        return print_plan(&Plan::new(&scene, &options));
     };
-    check_target(out)?; // before hours of work, not after
+    check_files(args, out)?; // before hours of work, not after
     let threads = args.threads.unwrap_or(0) as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;
@@ -163,15 +161,31 @@ fn run(args: &Args) -> Result<()> {
     let further = [("sampleCount.Y", &counts)];
     let further = if args.spp_map.is_some() || args.adaptive { &further[..] } else { &[] };
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
+    checkpoint::remove(args);
     let drawn = Drawn { all: rendered.samples, now: rendered.samples - taken_up, time: start.elapsed() };
     finish(args, out, &rendered, rounds.as_ref(), &drawn)
 }
 
-fn print_plan(plan: &Plan) {
-    for effect in &plan.effects {
+/// Checks that every file can be written and destroys nothing that is read, nor another one.
+fn check_files(args: &Args, out: &Path) -> Result<()> {
+    check_ending(out)?;
+    let file = |role| move |path| RunFile { role, path };
+    let checkpoint = checkpoint::path(args);
+    let read = std::iter::once(&args.scene).map(|path| file("the scene")(path.as_path()));
+    let read = read.chain(args.spp_map.as_deref().map(file("the map of samples")));
+    let report = args.report.as_deref().map(file("the report"));
+    let beside = report.into_iter().chain(checkpoint.as_deref().map(file("the checkpoint")));
+    let written: Vec<RunFile> = std::iter::once(file("the picture")(out)).chain(beside).collect();
+    check_apart(read, written.iter().copied())
+        .map_err(|error| error.remedy("give what is written a name of its own"))?;
+    written.iter().try_for_each(|file| check_target(file.path))
+}
+
+fn print_plan(plan: &Plan) -> Result<()> {
+    plan.effects.iter().try_for_each(|effect| {
         let mark = if effect.used { "yes" } else { "no" };
-        println!("{:<14} {mark:<4} {}", effect.name, effect.reason);
-    }
+        print(&format!("{:<14} {mark:<4} {}", effect.name, effect.reason))
+    })
 }
 
 /// Draws all samples, in passes that the progress can be told between. How many an earlier run had drawn.
@@ -192,10 +206,10 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
         done += count;
         progress.set(done);
         if done < options.spp {
-            checkpoint.save(renderer)?;
+            checkpoint.save_at_times(renderer)?;
         }
     }
-    checkpoint.remove();
+    let _ = checkpoint.save(renderer); // on a full disk there may be room for the picture all the same
     Ok(taken_up)
 }
 
@@ -215,31 +229,31 @@ fn finish(
 ) -> Result<()> {
     let seconds = drawn.time.as_secs_f64();
     if rendered.dropped > 0 {
-        eprintln!(
-            "warning: {} of {} samples were not finite and were dropped",
-            rendered.dropped, rendered.samples
-        );
+        let (dropped, all) = (rendered.dropped, rendered.samples);
+        complain(&format!("warning: {dropped} of {all} samples were not finite and were dropped"));
     }
-    if !args.quiet {
-        let rate = drawn.now as f64 / seconds / 1e6;
-        let before = match drawn.all - drawn.now {
-            0 => String::new(),
-            before => format!(" after {before} of an earlier run"),
-        };
-        println!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now);
+    if let Some(path) = &args.report {
+        let report = serde_json::json!({
+            "scene": args.scene,
+            "output": out,
+            "seed": args.seed,
+            "samples": drawn.all,
+            "samplesOfThisRun": drawn.now,
+            "dropped": rendered.dropped,
+            "seconds": seconds,
+            "adaptive": rounds,
+            "plan": rendered.plan,
+            "constantFeatures": rendered.constant_features,
+        });
+        write_bytes(path, format!("{report:#}\n").as_bytes())?;
     }
-    let Some(path) = &args.report else { return Ok(()) };
-    let report = serde_json::json!({
-        "scene": args.scene,
-        "output": out,
-        "seed": args.seed,
-        "samples": drawn.all,
-        "samplesOfThisRun": drawn.now,
-        "dropped": rendered.dropped,
-        "seconds": seconds,
-        "adaptive": rounds,
-        "plan": rendered.plan,
-        "constantFeatures": rendered.constant_features,
-    });
-    write_bytes(path, format!("{report:#}\n").as_bytes())
+    if args.quiet {
+        return Ok(());
+    }
+    let rate = drawn.now as f64 / seconds / 1e6;
+    let before = match drawn.all - drawn.now {
+        0 => String::new(),
+        before => format!(" after {before} of an earlier run"),
+    };
+    print(&format!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now))
 }

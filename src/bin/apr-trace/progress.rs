@@ -4,6 +4,8 @@ use std::io::IsTerminal;
 
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::answer::print;
+
 /// A bar on a terminal, plain lines elsewhere.
 pub struct Progress {
     bar: Option<ProgressBar>,
@@ -33,7 +35,7 @@ impl Progress {
         match &self.bar {
             Some(bar) => bar.set_position(done.into()),
             None if !self.quiet && percent >= self.told + 5 => {
-                println!("progress {percent}");
+                let _ = print(&format!("progress {percent}")); // nobody has to listen
                 self.told = percent;
             }
             None => {}

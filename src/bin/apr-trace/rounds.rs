@@ -7,6 +7,8 @@ use apr::adaptive::{AdaptiveOptions, Step, render};
 use apr::trace::Renderer;
 use serde::Serialize;
 
+use crate::answer::print;
+
 /// What the report says about the rounds.
 #[derive(Debug, Serialize)]
 pub struct Rounds {
@@ -42,7 +44,10 @@ pub fn run(renderer: &mut Renderer, options: &AdaptiveOptions, quiet: bool) -> R
             (Step::Estimated(error), Some(round)) => {
                 (round.estimated_error, round.estimate_seconds) = (Some(error), seconds);
                 if !quiet {
-                    println!("after {} samples more: estimated relative error {error:.2e}", round.samples);
+                    let samples = round.samples;
+                    // Nobody has to listen while the picture is not done.
+                    let _ =
+                        print(&format!("after {samples} samples more: estimated relative error {error:.2e}"));
                 }
             }
             (Step::Traced(samples), _) => {
@@ -53,7 +58,7 @@ pub fn run(renderer: &mut Renderer, options: &AdaptiveOptions, quiet: bool) -> R
         }
     })?;
     if outcome.met == Some(false) && !quiet {
-        println!("the target error is not met: more --spp are needed");
+        let _ = print("the target error is not met: more --spp are needed");
     }
     let sum = |of: fn(&Timed) -> f64| rounds.iter().map(of).sum::<f64>();
     let overhead = sum(|round| round.estimate_seconds) / sum(|round| round.trace_seconds);
