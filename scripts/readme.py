@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Make the README's table and picture of the shipped scenes again, with the programs themselves.
+"""Make the table of docs/RESULTS.md and the README's picture of the shipped scenes again, with the programs themselves.
 
   python3 scripts/readme.py [--spp 16] [--scale 0.625] [--scenes NAME,…] [--oidn]
 
@@ -104,11 +104,11 @@ def main():
     shipped.build()
     scenes = options.scenes.split(",") if options.scenes else shipped.names()
     block = f"{BEGIN}\n{table([measure(name, options) for name in scenes])}\n{END}"
-    readme = shipped.ROOT / "README.md"
-    text, found = re.subn(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, readme.read_text(), flags=re.S)
+    results = shipped.ROOT / "docs" / "RESULTS.md"
+    text, found = re.subn(f"{re.escape(BEGIN)}.*?{re.escape(END)}", lambda _: block, results.read_text(), flags=re.S)
     if not found:
-        raise SystemExit(f"README.md lacks the mark {BEGIN}")
-    readme.write_text(text)
+        raise SystemExit(f"docs/RESULTS.md lacks the mark {BEGIN}")
+    results.write_text(text)
     if not options.scenes:
         picture()
 
