@@ -201,7 +201,7 @@ mod tests {
     }
 
     fn surfaces(shift: usize) -> Surfaces {
-        Surfaces::new(&[steps(shift)], &[Spread { planes: 1, variance: 10.0 }], 2)
+        Surfaces::new(&[steps(shift)], &[Spread { planes: 1, variance: 10.0, is_distance: false }], 2)
     }
 
     #[test]

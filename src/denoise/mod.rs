@@ -392,7 +392,7 @@ fn design_features(
             };
             albedo.get_or_insert_with(|| [floored(r), floored(g), floored(b)]);
         }
-        let mut spread = Spread { planes: 0, variance: 0.0 };
+        let mut spread = Spread { planes: 0, variance: 0.0, is_distance: kind == FeatureKind::Depth };
         for (i, plane) in filtered.into_iter().enumerate() {
             let name = format!("{name}.{i}");
             if facts.feature_is_constant(f, i) {

@@ -3,8 +3,10 @@
 //! Where noise is heavy every colour resembles every other, and a window fits what lies on both sides of an
 //! edge that the features show. The distance of the pixels p and q is Σ_f |f_p−f_q|² / max(d_f(p), d_f(q)), over
 //! the features f, each of one plane or three, with d_f = max(τ σ_f², ¼(|∂_x f|² + |∂_y f|²)): where a feature
-//! slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture. What
-//! weights are made of is the larger one of this and the colour's, each over its own bandwidth squared.
+//! slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture, of a
+//! depth at most its square: mountains far behind do not blur what is near. `[choice]` three layers 2 apart with a
+//! quarter of the picture at depth 8, 50 and 200: error 0.0225 each, 0.0225, 0.0277 and 0.0319 without; a quarter of
+//! the square is relMSE ×1.005 on thirteen scenes. What weights are made of is the larger one of this and the colour's, each over its own bandwidth squared.
 //!
 //! The idea is that of Rousselle, Manzi, Zwicker 2013, the tolerances are ours. `[choice]` against distances of
 //! colour alone: relMSE ×0.98 on five scenes, ×0.99 on thirteen others, the most at 16 spp and along edges of
@@ -29,6 +31,8 @@ pub struct Spread {
     pub planes: usize,
     /// The sum of their variances.
     pub variance: f32,
+    /// Whether it is a distance, of which what is near knows smaller differences than what is far.
+    pub is_distance: bool,
 }
 
 /// Features to compare pixels by, padded by replication.
@@ -57,7 +61,7 @@ impl Surfaces {
         let features = spreads.iter().map(|spread| {
             let (planes, others) = rest.split_at(spread.planes);
             rest = others;
-            let sharpness = padded(&sharpness(planes, spread.variance));
+            let sharpness = padded(&sharpness(planes, *spread));
             Surface { planes: planes.iter().map(padded).collect(), sharpness }
         });
         let features = features.collect();
@@ -109,8 +113,12 @@ impl Surfaces {
 }
 
 /// 1/d of a feature's `planes` at every pixel.
-fn sharpness(planes: &[Plane], variance: f32) -> Plane {
+fn sharpness(planes: &[Plane], spread: Spread) -> Plane {
     let (width, height) = planes[0].size();
+    let variance = |x, y| {
+        let most = if spread.is_distance { planes[0].get(x, y).powi(2) } else { f32::MAX };
+        spread.variance.min(most)
+    };
     Plane::par_from_fn(width, height, |x, y| {
         let columns = [x.saturating_sub(1), (x + 1).min(width - 1)];
         let rows = [y.saturating_sub(1), (y + 1).min(height - 1)];
@@ -119,7 +127,7 @@ fn sharpness(planes: &[Plane], variance: f32) -> Plane {
             let down = rows.map(|y| plane.get(x, y));
             (across[1] - across[0]).powi(2) + (down[1] - down[0]).powi(2)
         });
-        (0.25 * slope.sum::<f32>()).max(TOLERANCE * variance).max(f32::MIN_POSITIVE).recip()
+        (0.25 * slope.sum::<f32>()).max(TOLERANCE * variance(x, y)).max(f32::MIN_POSITIVE).recip()
     })
 }
 
@@ -154,7 +162,7 @@ mod tests {
     fn an_edge_is_far_and_a_slope_is_not() {
         let edge = Plane::from_fn(SIZE.0, SIZE.1, |x, _| if x < 10 { 0.0 } else { 1.0 });
         let slope = Plane::from_fn(SIZE.0, SIZE.1, |x, y| 0.3 * x as f32 - 0.1 * y as f32);
-        let spread = Spread { planes: 1, variance: 0.25 };
+        let spread = Spread { planes: 1, variance: 0.25, is_distance: false };
         let of_edge = distances(&Surfaces::new(&[edge], &[spread], 3), [8, 4]);
         assert_eq!([at(&of_edge, -2, 1), at(&of_edge, 1, -1)], [0.0, 0.0]);
         // Beside the edge the slope is ½, two pixels from it only the tolerance forgives.
@@ -168,12 +176,24 @@ mod tests {
     }
 
     #[test]
+    fn what_is_far_away_does_not_hide_a_step_of_what_is_near() {
+        let depth = Plane::from_fn(SIZE.0, SIZE.1, |x, _| if x < 10 { 5.0 } else { 7.0 });
+        let of = |is_distance| {
+            let spread = Spread { planes: 1, variance: 1e6, is_distance };
+            distances(&Surfaces::new(std::slice::from_ref(&depth), &[spread], 3), [7, 4])
+        };
+        let step = at(&of(true), 3, 0);
+        assert!((step - 4.0 / (TOLERANCE * 49.0)).abs() < 1e-4, "{step}");
+        assert!(at(&of(false), 3, 0) < 1e-3);
+    }
+
+    #[test]
     fn the_unit_of_a_feature_does_not_matter_and_features_add_up() {
         let plane = |shift: usize| {
             Plane::from_fn(SIZE.0, SIZE.1, |x, y| ((x * 7 + y * 13 + shift) % 11) as f32 * 0.25)
         };
         let scaled = |plane: &Plane| Plane::from_fn(SIZE.0, SIZE.1, |x, y| 1024.0 * plane.get(x, y));
-        let spread = |planes, variance| Spread { planes, variance };
+        let spread = |planes, variance| Spread { planes, variance, is_distance: false };
         let own = distances(&Surfaces::new(&[plane(0), plane(3)], &[spread(2, 0.7)], 3), [0, 8]);
         let large = [scaled(&plane(0)), scaled(&plane(3))];
         let large = distances(&Surfaces::new(&large, &[spread(2, 0.7 * 1024.0f32.powi(2))], 3), [0, 8]);
@@ -189,7 +209,7 @@ mod tests {
         let wild = Plane::from_fn(SIZE.0, SIZE.1, |x, y| [1e15, -1e15, 0.0, 1e-30][(x + 3 * y) % 4]);
         let flat = Plane::filled(SIZE.0, SIZE.1, 2.0);
         for variance in [0.0, 1e30] {
-            let spreads = [Spread { planes: 1, variance }; 2];
+            let spreads = [Spread { planes: 1, variance, is_distance: false }; 2];
             let found = distances(&Surfaces::new(&[wild.clone(), flat.clone()], &spreads, 3), [5, 4]);
             assert!(found.iter().all(|d| *d >= 0.0));
         }
