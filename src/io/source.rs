@@ -102,7 +102,10 @@ impl Source {
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
         }
-        let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
+        let given = Given {
+            kind: options.variance_kind,
+            spp: options.spp.or_else(|| samples_in(header, color.around())),
+        };
         let layout = Layout {
             files: documents.iter().map(FileLayout::of).collect(),
             renderer,

@@ -1,0 +1,160 @@
+//! Files that can be misunderstood: several view layers, two halves that are one, variances that say nothing,
+//! pictures that do not fit together. What is taken is what was meant, or it is told.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::exr_files::*;
+use apr::ErrorKind;
+use apr::io::{Mapping, Picture, ReadOptions};
+use exr::prelude::*;
+
+const SIZE: (usize, usize) = (24, 18);
+const PIXELS: usize = SIZE.0 * SIZE.1;
+
+/// A file of one part with these channels.
+fn file(folder: &Path, name: &str, channels: Vec<AnyChannel<FlatSamples>>) -> PathBuf {
+    placed(folder, name, SIZE, (0, 0), channels)
+}
+
+fn placed(
+    folder: &Path,
+    name: &str,
+    size: (usize, usize),
+    at: (i32, i32),
+    channels: Vec<AnyChannel<FlatSamples>>,
+) -> PathBuf {
+    let path = folder.join(name);
+    write_one(&path, layer(None, size, at, scan_lines(Compression::ZIP1), channels));
+    path
+}
+
+/// R, G and B with noise of their own for every `salt`.
+fn rgb(salt: usize) -> Vec<AnyChannel<FlatSamples>> {
+    ["R", "G", "B"].iter().enumerate().map(|(c, name)| float(name, values(PIXELS, salt + c))).collect()
+}
+
+fn read(path: &Path, options: &ReadOptions) -> apr::Result<Picture> {
+    Picture::read(path, options)
+}
+
+fn mapped(mappings: &[&str]) -> ReadOptions {
+    let map: Vec<Mapping> = mappings.iter().map(|mapping| mapping.parse().unwrap()).collect();
+    ReadOptions { map, ..ReadOptions::default() }
+}
+
+/// The channels of every role.
+fn channels_of(picture: &Picture) -> Vec<String> {
+    picture.layout().roles.iter().map(|role| format!("{}: {}", role.role, role.channels.join(" "))).collect()
+}
+
+/// Exit code, answers and complaints of the program.
+fn run(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_apr-denoise")).args(arguments).output().unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+#[test]
+fn two_halves_keep_the_motion_of_the_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let render = |name: &str, salt: usize| {
+        let vector = ["X", "Y"].map(|c| float(&format!("motionPrevious.{c}"), values(PIXELS, 90 + salt)));
+        file(folder.path(), name, rgb(salt).into_iter().chain(vector).collect())
+    };
+    let (a, b) = (render("a.exr", 0), render("b.exr", 5));
+    let options = ReadOptions { motion: true, half: Some(b), ..ReadOptions::default() };
+    let both = read(&a, &options).unwrap();
+    let alone = read(&a, &ReadOptions { half: None, ..options }).unwrap();
+    assert!(both.frame().halves().is_some() && both.frame().motion().is_some());
+    assert_eq!(both.frame().motion(), alone.frame().motion());
+}
+
+#[test]
+fn a_render_is_not_taken_for_its_own_other_half() {
+    let folder = tempfile::tempdir().unwrap();
+    let (a, b) = (file(folder.path(), "a.exr", rgb(0)), file(folder.path(), "b.exr", rgb(0)));
+    let with = |half: &Path| ReadOptions { half: Some(half.to_owned()), ..ReadOptions::default() };
+    for half in [&a, &b] {
+        let error = read(&a, &with(half)).unwrap_err();
+        assert_eq!((error.kind(), error.file()), (ErrorKind::Lacking, Some(half.as_path())));
+        assert!(error.to_string().contains("another seed"), "{error}");
+    }
+    let out = folder.path().join("out.exr");
+    let [input, half, out] = [&a, &b, &out].map(|path| path.to_str().unwrap());
+    for further in [&[][..], &["--region", "0,0,9,9"]] {
+        let arguments = [&[input, out, "--quiet", "--half", half], further].concat();
+        assert_eq!(run(&arguments).0, 4, "{further:?}");
+    }
+    let one_pixel_apart = rgb(0).into_iter().map(|mut channel| {
+        if let FlatSamples::F32(values) = &mut channel.sample_data {
+            values[77] += 0.1;
+        }
+        channel
+    });
+    let other = file(folder.path(), "other.exr", one_pixel_apart.collect());
+    assert!(read(&a, &with(&other)).is_ok());
+    let black = || ["R", "G", "B"].map(|name| float(name, vec![0.0; PIXELS])).to_vec();
+    let (black, night) =
+        (file(folder.path(), "black.exr", black()), file(folder.path(), "night.exr", black()));
+    assert!(read(&black, &with(&night)).is_ok(), "a black frame of a sequence is no mistake");
+}
+
+#[test]
+fn halves_of_other_windows_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let a = file(folder.path(), "a.exr", rgb(0));
+    let moved = placed(folder.path(), "moved.exr", SIZE, (1, 0), rgb(5));
+    let options = ReadOptions { half: Some(moved.clone()), ..ReadOptions::default() };
+    let error = read(&a, &options).unwrap_err();
+    assert_eq!((error.kind(), error.file()), (ErrorKind::Lacking, Some(moved.as_path())));
+    assert!(error.to_string().contains("1,0,24,18 where the first half's is 0,0,24,18"), "{error}");
+}
+
+/// Two view layers of Cycles, the second of them named like the first with a number.
+fn view_layers(folder: &Path, names: [&str; 2]) -> PathBuf {
+    let passes = ["Combined.R", "Combined.G", "Combined.B", "Depth.Z"];
+    let further = ["Denoising Albedo.R", "Denoising Albedo.G", "Denoising Albedo.B", "Combined_key.R"];
+    let all = names.map(|name| passes.iter().chain(&further).map(move |pass| format!("{name}.{pass}")));
+    let all: Vec<String> = all.into_iter().flatten().collect();
+    let names_of: Vec<&str> = all.iter().map(String::as_str).collect();
+    let mut part = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, &names_of));
+    for (name, samples) in names.iter().zip(["16", "64"]) {
+        let name = Text::from(format!("cycles.{name}.samples").as_str());
+        part.attributes.other.insert(name, AttributeValue::Text(Text::from(samples)));
+    }
+    let path = folder.join("views.exr");
+    write_one(&path, part);
+    path
+}
+
+#[test]
+fn each_view_layer_has_its_own_samples_and_features() {
+    let folder = tempfile::tempdir().unwrap();
+    for names in [["A", "B"], ["View", "View.001"], ["View.001", "View"], ["Z", "A"]] {
+        let path = view_layers(folder.path(), names);
+        for (view, samples) in names.into_iter().zip([16.0, 64.0]) {
+            for _ in 0..20 {
+                // The attributes are in no order, another one each time.
+                let picture = read(&path, &mapped(&[&format!("color={view}.Combined")])).unwrap();
+                assert_eq!(picture.frame().spp(), Some(samples), "{names:?}, {view}");
+                let roles = channels_of(&picture);
+                let expected = [
+                    format!("color: {view}.Combined.R {view}.Combined.G {view}.Combined.B"),
+                    format!(
+                        "albedo: {view}.Denoising Albedo.R {view}.Denoising Albedo.G {view}.Denoising Albedo.B"
+                    ),
+                    format!("depth: {view}.Depth.Z"),
+                ];
+                assert_eq!(roles, expected, "{names:?}");
+            }
+            let key = ReadOptions {
+                aovs: vec!["Combined_*".into()],
+                ..mapped(&[&format!("color={view}.Combined")])
+            };
+            let aovs = read(&path, &key).unwrap();
+            assert_eq!(aovs.frame().aovs().len(), 1, "only the view layer's own");
+            assert_eq!(aovs.frame().aovs()[0].name, format!("{view}.Combined_key"));
+        }
+    }
+}
