@@ -12,7 +12,7 @@ use super::channels::{
 use super::components::Component;
 use super::evidence::Tally;
 use super::layers::{Channel, Layer};
-use super::mapping::{FEATURES, Target};
+use super::mapping::{FEATURES, Target, same_slot};
 use crate::frame::FeatureKind;
 
 /// Channels with a role.
@@ -363,11 +363,6 @@ fn adopt_statistics(choices: &mut Vec<Choice>, companions: &[Choice]) {
             choices.push(Choice { target, channels: companion.channels.clone() });
         }
     }
-}
-
-/// Whether two statistics exclude each other: variances of any kind do.
-fn same_slot(a: Statistic, b: Statistic) -> bool {
-    matches!((a, b), (Statistic::Variance(_), Statistic::Variance(_))) || a == b
 }
 
 fn feature_name(kind: FeatureKind) -> &'static str {
