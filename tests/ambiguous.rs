@@ -158,3 +158,119 @@ fn each_view_layer_has_its_own_samples_and_features() {
         }
     }
 }
+
+/// A variance that is this at every pixel.
+fn with_variance(of: [f32; 3]) -> Vec<AnyChannel<FlatSamples>> {
+    let plane = |(name, value): (&str, f32)| float(&format!("variance.{name}"), vec![value; PIXELS]);
+    rgb(0).into_iter().chain(["R", "G", "B"].into_iter().zip(of).map(plane)).collect()
+}
+
+#[test]
+fn variances_that_say_nothing_are_done_without_and_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let read_of = |variance: [f32; 3]| {
+        let path = file(folder.path(), "in.exr", with_variance(variance));
+        let picture = read(&path, &ReadOptions::default()).unwrap();
+        (picture.frame().color_var_of_mean().is_some(), picture.layout().warnings.join("\n"))
+    };
+    for (variance, why) in
+        [([0.0; 3], "0 at every pixel though"), ([-2.0, 1.0, 1.0], "below 0 at every pixel")]
+    {
+        let (there, warnings) = read_of(variance);
+        assert!(!there && warnings.contains(why), "{variance:?}: {warnings}");
+        assert!(warnings.contains("variance.B, variance.G, variance.R") || warnings.contains("variance.R"));
+        assert!(warnings.contains("it will be estimated from the picture"), "{warnings}");
+    }
+    assert_eq!(read_of([0.0, 0.0, 1.0]), (true, String::new()), "nothing red and green may be there");
+
+    // What is the same everywhere may well be free of noise.
+    let flat = ["R", "G", "B"].map(|name| float(name, vec![0.5; PIXELS]));
+    let flat = flat.into_iter().chain(with_variance([0.0; 3]).into_iter().skip(3)).collect();
+    let path = file(folder.path(), "flat.exr", flat);
+    assert!(read(&path, &ReadOptions::default()).unwrap().frame().color_var_of_mean().is_some());
+}
+
+/// Without any noise: a slope of light with an edge in it. That it is one nobody can tell whose variance says
+/// nothing, but it must not be smeared.
+#[test]
+fn a_picture_without_noise_is_left_as_it_is_but_for_little() {
+    let folder = tempfile::tempdir().unwrap();
+    let light = |i: usize| {
+        let (x, y) = (i % SIZE.0, i / SIZE.0);
+        if x < 11 { 0.2 + 0.01 * y as f32 } else { 1.0 + 0.02 * x as f32 }
+    };
+    let plane = || (0..PIXELS).map(light).collect::<Vec<f32>>();
+    let zeros = with_variance([0.0; 3]).into_iter().skip(3);
+    let all = ["R", "G", "B"].map(|name| float(name, plane())).into_iter().chain(zeros).collect();
+    let (input, out) = (file(folder.path(), "in.exr", all), folder.path().join("out.exr"));
+    let (code, _, complaints) = run(&[input.to_str().unwrap(), out.to_str().unwrap()]);
+    assert!(code == 0 && complaints.contains("0 at every pixel though the colour varies"), "{complaints}");
+    let written = read_all(&out).layer_data.remove(0).channel_data.list;
+    let red = written.iter().find(|channel| channel.name == *"R").unwrap();
+    let apart =
+        red.sample_data.values_as_f32().zip(plane()).map(|(got, wanted)| (got - wanted).abs() / wanted);
+    let worst = apart.fold(0.0, f32::max);
+    assert!(worst < 0.1, "{worst}");
+}
+
+#[test]
+fn the_estimate_of_the_input_takes_no_negative_variances() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut channels = with_variance([0.01; 3]);
+    if let FlatSamples::F32(values) = &mut channels[4].sample_data {
+        values.iter_mut().step_by(2).for_each(|v| *v = -1e6);
+    }
+    let input = file(folder.path(), "in.exr", channels);
+    let (out, report) = (folder.path().join("out.exr"), folder.path().join("report.json"));
+    let [input, out, told] = [&input, &out, &report].map(|path| path.to_str().unwrap());
+    assert_eq!(run(&[input, out, "--quiet", "--report", told]).0, 0);
+    let report: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let before = report["estimated_error"]["mse_before"].as_f64().unwrap();
+    assert!((before - 0.01).abs() < 1e-6, "{before}");
+}
+
+#[test]
+fn what_is_read_beside_the_picture_must_cover_it_and_be_of_use() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = file(folder.path(), "in.exr", rgb(0));
+    let beside = |name: &str, size: (usize, usize), at: (i32, i32)| {
+        placed(folder.path(), name, size, at, channels(size, &["R", "G", "B"]))
+    };
+    let with = |path: &Path| ReadOptions { with: vec![path.to_owned()], ..ReadOptions::default() };
+    for (size, at) in [((12, 18), (0, 0)), ((24, 18), (0, 1)), ((24, 18), (-1, 0))] {
+        let albedo = beside("albedo.exr", size, at);
+        let error = read(&input, &with(&albedo)).unwrap_err();
+        assert_eq!((error.kind(), error.file()), (ErrorKind::Lacking, Some(albedo.as_path())));
+        assert!(error.to_string().contains("does not cover that of the picture, 0,0,24,18"), "{error}");
+    }
+    let larger = beside("albedo.exr", (40, 40), (-3, -3));
+    let picture = read(&input, &with(&larger)).unwrap();
+    assert_eq!(channels_of(&picture)[1], format!("albedo: {0}:R {0}:G {0}:B", larger.display()));
+    assert!(picture.layout().warnings.iter().all(|warning| !warning.contains("plays a role")));
+    let useless = beside("whatever.exr", SIZE, (0, 0));
+    let warnings = read(&input, &with(&useless)).unwrap().layout().warnings.join(" ");
+    assert!(warnings.contains("whatever.exr: none of its layers plays a role"), "{warnings}");
+}
+
+#[test]
+fn components_in_words_are_colours_in_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    for layer in ["rgba.", "", "beauty."] {
+        let names = ["alpha", "blue", "green", "red"].map(|word| format!("{layer}{word}"));
+        let all = names.iter().enumerate().map(|(i, name)| float(name, values(PIXELS, i))).collect();
+        let path = file(folder.path(), "words.exr", all);
+        let lights = [3, 2, 1].map(|salt| values(PIXELS, salt));
+        let mapping = format!(
+            "color={}",
+            if layer.is_empty() { "red,green,blue" } else { layer.trim_end_matches('.') }
+        );
+        for options in [ReadOptions::default(), mapped(&[&mapping])] {
+            let picture = read(&path, &options).unwrap();
+            let color = picture.frame().color();
+            assert_eq!(color.each_ref().map(|plane| plane.data().to_vec()), lights, "{layer}");
+        }
+    }
+    let mask = file(folder.path(), "mask.exr", [rgb(0), channels(SIZE, &["red"])].concat());
+    let picture = read(&mask, &mapped(&["albedo=red"])).unwrap();
+    assert_eq!(channels_of(&picture), ["color: R G B", "albedo: red"]);
+}

@@ -215,10 +215,14 @@ impl ErrorSums {
     }
 }
 
-/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`.
+/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`. NaN
+/// where that is no variance, which the denoiser repairs from the pixels around.
 pub fn input_error(frame: &Frame) -> Option<Plane> {
     if let Some(variance) = frame.color_var_of_mean() {
-        return Some(mean_of_channels(variance));
+        let mut error = mean_of_channels(variance);
+        let bad = |i: usize| variance.iter().any(|plane| plane.data()[i] < 0.0);
+        error.data_mut().par_iter_mut().enumerate().filter(|(i, _)| bad(*i)).for_each(|(_, v)| *v = f32::NAN);
+        return Some(error);
     }
     let [a, b] = frame.halves()?;
     let quarter = |c: usize| move |x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0;
