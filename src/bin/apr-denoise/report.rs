@@ -108,6 +108,11 @@ impl<'a> Report<'a> {
         }
     }
 
+    /// What the user should know of how it was written, and of what was repaired.
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.iter().cloned().chain(repaired(self.layout, self.summary)).collect()
+    }
+
     /// In one line for people, after one for each set of components.
     pub fn line(&self) -> String {
         let seconds = self.seconds;
@@ -119,6 +124,32 @@ impl<'a> Report<'a> {
             self.output, error.relative_after
         )
     }
+}
+
+/// In one line, the pixels that were no numbers, where there were any.
+fn repaired(layout: &Layout, summary: &Summary) -> Option<String> {
+    let counts = [
+        (summary.repaired_color, "colour"),
+        (summary.repaired_variance, "variances"),
+        (summary.repaired_features, "features"),
+        (summary.repaired_halves, "half buffers"),
+        (summary.repaired_aovs, "components"),
+    ];
+    let told = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} of the {what}"));
+    let told: Vec<String> = told.collect();
+    if told.is_empty() {
+        return None;
+    }
+    let (nan, infinite) = layout
+        .roles
+        .iter()
+        .fold((0, 0), |(nan, infinite), role| (nan + role.nan, infinite + role.non_finite - role.nan));
+    Some(format!(
+        "broken pixels were repaired from their neighbours: {} (in the file {nan} samples are NaN and {infinite} \
+         infinite); {} pixels of the colour are negative and stay so",
+        told.join(", "),
+        summary.negative_color
+    ))
 }
 
 /// The stages that had nothing to do, and why.

@@ -4,7 +4,7 @@
 //! written; with `--temporal N` also those beside them, 2N + 3 in all. By parts (`--region`, `--memory`) only
 //! the results of two are. The order of the work changes no bit of any result.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::io::Write;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -39,8 +39,10 @@ struct Run<'a> {
     target_missed: AtomicBool,
     outcomes: Mutex<Vec<Outcome>>,
     errors: Mutex<Vec<(usize, Error)>>,
-    /// Warnings that were given: those of a sequence tend to be the same for every frame.
+    /// Warnings and notes that were given: those of a sequence tend to be the same for every frame.
     warned: Mutex<HashSet<String>>,
+    /// The frame that had a note first, by the note without its numbers: they differ from frame to frame.
+    noted: Mutex<HashMap<String, Option<i32>>>,
 }
 
 /// A frame on its way; the index is its job's.
@@ -70,6 +72,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         outcomes: Mutex::new(vec![Outcome::NotRun; plan.jobs.len()]),
         errors: Mutex::default(),
         warned: Mutex::default(),
+        noted: Mutex::default(),
     };
     std::thread::scope(|scope| {
         // No place in the channels: who is ahead keeps its frame until the next takes it.
@@ -182,6 +185,7 @@ impl<'a> Run<'a> {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }
         if !self.arguments.quiet {
+            report.notes().iter().for_each(|note| self.note(job, note));
             let needed = sampling.as_ref().and_then(Sampling::line);
             self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
         }
@@ -210,15 +214,25 @@ impl<'a> Run<'a> {
 
     fn warn_of(&self, job: &Job, input: &Input) {
         if !self.arguments.quiet {
-            input.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
+            input.layout().warnings.iter().for_each(|warning| self.tell(job, "warning", warning));
+            input.layout().notes.iter().for_each(|note| self.note(job, note));
         }
     }
 
-    fn warn(&self, job: &Job, warning: &str) {
-        let new = self.warned.lock().unwrap_or_else(PoisonError::into_inner).insert(warning.to_owned());
+    /// Tells a note, unless it was told of an earlier frame.
+    fn note(&self, job: &Job, note: &str) {
+        let kind = note.replace(|c: char| c.is_ascii_digit(), "");
+        let mut noted = self.noted.lock().unwrap_or_else(PoisonError::into_inner);
+        if *noted.entry(kind).or_insert(job.frame) == job.frame {
+            self.tell(job, "note", note);
+        }
+    }
+
+    fn tell(&self, job: &Job, kind: &str, words: &str) {
+        let new = self.warned.lock().unwrap_or_else(PoisonError::into_inner).insert(words.to_owned());
         if new {
             let place = job.frame.map_or(String::new(), |_| format!("{}: ", job.label()));
-            self.progress.aside(|| complain(&format!("warning: {place}{warning}")));
+            self.progress.aside(|| complain(&format!("{kind}: {place}{words}")));
         }
     }
 }
