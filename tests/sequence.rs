@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::exr_files::{float, layer, scan_lines, values, write_one};
+use crate::exr_files::{channels, float, layer, scan_lines, values, write_one};
 use assert_cmd::Command;
 use exr::prelude::Compression;
 use serde_json::Value;

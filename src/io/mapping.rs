@@ -151,7 +151,9 @@ pub(super) fn find(
             found.extend(ordered.unwrap_or_else(|| layer.in_order()));
         } else {
             let what = format!("is not there, but '{}' is mapped to it", mapping.name);
-            let names = layers.iter().map(|layer| layer.name.clone()).chain(all().flat_map(&full_name));
+            let part = |layer: &Layer| part_name(layer.components[0].1);
+            let of_layer = |layer: &Layer| [Some(layer.name.clone()), layer.view.clone(), part(layer)];
+            let names = layers.iter().flat_map(of_layer).flatten().chain(all().flat_map(&full_name));
             return Err(Error::new(ErrorKind::Lacking, what)
                 .in_channel(wanted)
                 .remedy(likest(wanted, names)));
@@ -187,9 +189,14 @@ pub(super) fn likest(wanted: &str, names: impl Iterator<Item = String>) -> Strin
     let small = wanted.to_lowercase();
     let mut sorted: Vec<String> = names.into_iter().collect();
     let (told, count) = if sorted.len() <= FEW { ("there are", FEW) } else { ("the likest are", LIKEST) };
-    sorted.sort_by_cached_key(|name| edits(&small, &name.to_lowercase()));
+    sorted.sort_by_cached_key(|name| unlikeness(&small, &name.to_lowercase()));
     sorted.truncate(count);
     format!("{told} '{}'; --inspect without it lists all", sorted.join("', '"))
+}
+
+/// What holds the other comes first, then what has fewest edits for its length, in thousandths.
+fn unlikeness(a: &str, b: &str) -> (bool, usize) {
+    (!b.contains(a), 1000 * edits(a, b) / a.chars().count().max(b.chars().count()).max(1))
 }
 
 /// How many letters must be put in, taken out or changed to make `b` of `a` (Levenshtein).
@@ -229,6 +236,8 @@ mod tests {
         let many: Vec<String> = (0..20).map(|i| format!("layer{i}.Y")).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).chain(["albedo.R", "albedo.G"]).collect();
         assert!(of(&many).starts_with("the likest are 'albedo.R', 'albedo.G', "), "{}", of(&many));
+        assert!(unlikeness("lft", "rgba_left") < unlikeness("lft", "a"));
+        assert!(unlikeness("key", "view.combined_key") < unlikeness("key", "view.ao"));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! `--inspect`: what was found and what would be run.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use apr::baseline::Denoiser;
@@ -145,14 +146,15 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) 
 
 /// A part's channels, those of a layer in one line.
 fn layers_of(part: &PartLayout) -> Vec<String> {
-    let mut layers: Vec<(&str, Vec<&str>)> = Vec::new();
+    let (mut layers, mut places) = (Vec::<(&str, Vec<&str>)>::new(), BTreeMap::new());
     for channel in &part.channels {
         let name = channel.rsplit_once(": ").map_or(channel.as_str(), |(name, _)| name);
         let (layer, component) = name.rsplit_once('.').unwrap_or(("", name));
-        match layers.last_mut().filter(|(last, _)| *last == layer) {
-            Some((_, components)) => components.push(component),
-            None => layers.push((layer, vec![component])),
+        let place = *places.entry(layer).or_insert(layers.len());
+        if place == layers.len() {
+            layers.push((layer, Vec::new()));
         }
+        layers[place].1.push(component);
     }
     let line = |(layer, components): (&str, Vec<&str>)| match (layer, components.join(", ")) {
         ("", names) => names,
