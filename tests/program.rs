@@ -133,14 +133,13 @@ fn inspection_lists_the_channels_by_part_and_layer() {
     let part = |name: &str, names: &[&str]| {
         layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names))
     };
-    let parts =
-        vec![part("rgba", &["R", "G", "B", "key.R", "key.G", "key.B"]), part("albedo", &["R", "G", "B"])];
+    let parts = vec![part("rgba", &["R", "G", "B", "H.R", "H.G", "H.B"]), part("albedo", &["R", "G", "B"])];
     exr_files::write(&path, exr::prelude::IntegerBounds::from_dimensions(SIZE), parts);
     let (code, text, _) = run(program().arg("--inspect").arg(&path));
     assert_eq!(code, 0);
     let lines: Vec<&str> = text.lines().collect();
     let at = lines.iter().position(|line| line.starts_with("  part 'rgba'")).unwrap();
-    assert_eq!(lines[at + 1..at + 3], ["    B, G, R", "    key: B, G, R"], "{text}");
+    assert_eq!(lines[at + 1..at + 3], ["    B, G, R", "    H: B, G, R"], "{text}");
     assert!(lines[at + 3].starts_with("  part 'albedo'") && lines[at + 4] == "    B, G, R", "{text}");
     assert!(
         text.contains("rgba.R, rgba.G, rgba.B") && text.contains("albedo.R, albedo.G, albedo.B"),
