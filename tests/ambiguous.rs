@@ -190,6 +190,25 @@ fn variances_that_say_nothing_are_done_without_and_named() {
     assert!(read(&path, &ReadOptions::default()).unwrap().frame().color_var_of_mean().is_some());
 }
 
+/// A second moment below the squared mean, as half floats and wrong names make it.
+#[test]
+fn second_moments_that_make_no_variance_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let moment = |factor: f32| {
+        let squares = |salt| values(PIXELS, salt).iter().map(|v| factor * v * v).collect::<Vec<f32>>();
+        let plane = |(salt, name)| float(&format!("variance.{name}"), squares(salt));
+        let all = rgb(0).into_iter().chain(["R", "G", "B"].into_iter().enumerate().map(plane)).collect();
+        let path = file(folder.path(), "in.exr", all);
+        let kind = Some(apr::io::VarianceKind::M2);
+        let options = ReadOptions { variance_kind: kind, spp: Some(16.0), ..ReadOptions::default() };
+        read(&path, &options).unwrap().layout().warnings.join(" ")
+    };
+    for factor in [0.9, 1.0] {
+        assert!(moment(factor).contains("above 0 at no pixel though the colour varies"), "{factor}");
+    }
+    assert_eq!(moment(1.1), "");
+}
+
 /// Without any noise: a slope of light with an edge in it. That it is one nobody can tell whose variance says
 /// nothing, but it must not be smeared.
 #[test]

@@ -14,6 +14,7 @@ use super::region::{Place, numbers, write_region};
 use super::rewrite::{Addition, Replacement, rewrite};
 use super::source::{Held, Source, bands, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
+use super::variance::Noise;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rect, Rgb};
@@ -38,14 +39,17 @@ impl Survey {
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions, mut look: impl FnMut(&Frame)) -> Result<Self> {
         let (mut survey, _) = Self::of_files(path.as_ref(), options, false)?;
         let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
+        let mut noise = Noise::default();
         let planes = survey.main.layout.roles.iter().map(|role| role.channels.len()).sum();
         for band in bands(survey.size(), planes) {
             let rows = survey.read(band)?;
             survey.add_differences(&mut differences, &rows);
             survey.add_to(&mut twins, &rows);
+            noise.add(&rows);
             look(&rows);
         }
         survey.check(&twins)?;
+        survey.layout.warnings.extend(noise.warning());
         let pixel = survey.read(Rect::whole((1, 1)))?; // tells which planes there are
         survey.complete(&pixel, &differences);
         Ok(survey)
@@ -56,9 +60,12 @@ impl Survey {
         let (mut survey, held) = Self::of_files(path, options, true)?;
         let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
         let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
+        let mut noise = Noise::default();
         survey.add_differences(&mut differences, &frame);
         survey.add_to(&mut twins, &frame);
+        noise.add(&frame);
         survey.check(&twins)?;
+        survey.layout.warnings.extend(noise.warning());
         survey.complete(&frame, &differences);
         Ok((survey, frame, counts))
     }
