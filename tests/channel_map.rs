@@ -116,6 +116,30 @@ fn every_renderer_is_recognised_and_its_channels_find_their_roles() {
             ],
         ),
         (
+            Renderer::VRay,
+            &[
+                "R",
+                "G",
+                "B",
+                "VRayDiffuseFilter.R",
+                "VRayDiffuseFilter.G",
+                "VRayDiffuseFilter.B",
+                "VRayNormals.X",
+                "VRayNormals.Y",
+                "VRayNormals.Z",
+                "VRayZDepth.R",
+                "VRayZDepth.G",
+                "VRayZDepth.B",
+            ],
+            &[("vrayInfo/render_version", text("6"))],
+            &[
+                "color mean: R",
+                "albedo mean: VRayDiffuseFilter.R",
+                "normal mean: VRayNormals.X",
+                "depth mean: VRayZDepth.R",
+            ],
+        ),
+        (
             Renderer::Cycles,
             &[
                 "View.Combined.R",
@@ -430,9 +454,13 @@ fn parts_are_layers_but_for_the_one_that_holds_the_picture() {
         layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names))
     };
     let cases: [(&str, &str, &[&str]); 3] = [
-        ("rgba", "Z", &["color mean: R", "albedo mean: R", "depth mean: Z"]),
-        ("whatever", "depth.Z", &["color mean: R", "albedo mean: R", "depth mean: depth.Z"]),
-        ("V.Combined", "depth.Z", &["color mean: R", "depth mean: Z"]),
+        ("rgba", "Z", &["color mean: rgba.R", "albedo mean: albedo.R", "depth mean: rgba.Z"]),
+        (
+            "whatever",
+            "depth.Z",
+            &["color mean: whatever.R", "albedo mean: albedo.R", "depth mean: whatever.depth.Z"],
+        ),
+        ("V.Combined", "depth.Z", &["color mean: V.Combined.R", "depth mean: V.Depth.Z"]),
     ];
     for (name, depth, expected) in cases {
         let blender = name == "V.Combined";
@@ -467,7 +495,16 @@ fn what_is_lacking_or_senseless_is_told_with_a_remedy() {
     assert!(error(&["Y", "RY", "BY"], &plain).starts_with("3 "), "luminance and chroma");
     assert!(error(&["R", "G", "B"], &map("albedo=x.R")).contains("'x.R': is not there"));
     assert!(error(&["R", "G", "B"], &map("gloss=R")).starts_with("2 "));
-    assert!(error(&["R", "G", "B"], &map("color=R,G")).starts_with("4 "));
+    for role in ["color", "albedo", "variance", "albedoHalfA"] {
+        let complaint = error(&["R", "G", "B"], &map(&format!("{role}=R,G")));
+        assert!(complaint.starts_with("4 ") && complaint.contains(&format!("'{role}' is mapped to 2")));
+    }
+    let twice =
+        |maps: [&str; 2]| ReadOptions { map: maps.map(|m| m.parse().unwrap()).to_vec(), ..plain.clone() };
+    let complaint = error(&["R", "G", "B", "Z"], &twice(["depth=Z", "Depth=R"]));
+    assert!(complaint.starts_with("2 ") && complaint.contains("'Depth' is mapped twice"), "{complaint}");
+    let complaint = error(&["R", "G", "B", "Albedo.R", "Albedo.G", "N.X"], &map("albedo=Albdo.R"));
+    assert!(complaint.contains("there are 'Albedo.R', 'Albedo.G', "), "the likest first: {complaint}");
 }
 
 #[test]
@@ -495,12 +532,15 @@ fn of_two_eyes_one_is_denoised_with_its_own_features_and_the_other_is_told() {
     assert_eq!(variance[0].data(), values(SIZE.0 * SIZE.1, 2), "the right eye's variance");
     let note = "'left' could be the colour as well and passes through; choose it by --map color=…";
     assert_eq!(picture.layout().notes, [note]);
-    let left = ReadOptions {
-        map: vec!["color=rgba_left.R,rgba_left.G,rgba_left.B".parse().unwrap()],
-        ..ReadOptions::default()
-    };
-    let picture = Picture::read(&path, &left).unwrap();
-    assert_eq!(picture.frame().features()[0].planes[0].data(), values(SIZE.0 * SIZE.1, 0));
+    for color in ["rgba_left.R,rgba_left.G,rgba_left.B", "rgba_left", "left"] {
+        let map = vec![format!("color={color}").parse().unwrap()];
+        let picture = Picture::read(&path, &ReadOptions { map, ..ReadOptions::default() }).unwrap();
+        assert_eq!(picture.frame().features()[0].planes[0].data(), values(SIZE.0 * SIZE.1, 0), "{color}");
+        let variance = picture.frame().color_var_of_mean().unwrap();
+        assert_eq!(variance[0].data(), values(SIZE.0 * SIZE.1, 2), "{color}: the left eye's");
+        let color = &picture.layout().roles[0].channels;
+        assert_eq!(*color, ["rgba_left.R", "rgba_left.G", "rgba_left.B"], "the part is told");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! All tests of the library and its programs in one program: built in a fifth of the time of twenty.
 //! `cargo test --test all regions::` runs those of one file.
 
+mod ambiguous;
 mod answers;
 mod architecture;
 mod baseline;

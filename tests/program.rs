@@ -39,7 +39,9 @@ fn a_run_answers_with_progress_and_writes_a_report() {
         .args([&input, &output])
         .args(["--aux", "--set", "coarse=false", "--report"])
         .arg(&report));
-    assert_eq!((code, complaints.as_str()), (0, ""));
+    assert_eq!(code, 0, "{complaints}");
+    assert_eq!(complaints.lines().count(), 1, "{complaints}");
+    assert!(complaints.starts_with("apr-denoise: note: albedo: ") && complaints.contains("cut to 1"));
     let percent: Vec<u32> =
         said.lines().filter_map(|line| line.strip_prefix("progress ")).map(|n| n.parse().unwrap()).collect();
     assert!(percent.is_sorted() && percent.last() == Some(&100), "{said}");
@@ -89,6 +91,62 @@ fn quiet_means_quiet() {
     assert_eq!(silent, (0, String::new(), String::new()));
 }
 
+/// What was done to the input, and what else it could have been, is told once.
+#[test]
+fn notes_are_told_once_and_so_is_what_was_repaired() {
+    let folder = tempfile::tempdir().unwrap();
+    let names =
+        ["A.Combined.R", "A.Combined.G", "A.Combined.B", "B.Combined.R", "B.Combined.G", "B.Combined.B"];
+    for frame in 1..=3 {
+        let mut all = channels(SIZE, &names);
+        if let exr::prelude::FlatSamples::F32(values) = &mut all[0].sample_data {
+            (values[7], values[90 + frame], values[200]) = (f32::NAN, f32::INFINITY, -1.0);
+        }
+        let encoding = scan_lines(Compression::DWAA(None));
+        // A codec that loses something would make NaN of whole blocks: only its name matters here.
+        let mut part = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP1), all);
+        if frame == 3 {
+            part = layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names));
+        }
+        write_one(&folder.path().join(format!("in.{frame}.exr")), part);
+    }
+    let [input, output] = ["in.#.exr", "out.#.exr"].map(|name| folder.path().join(name));
+    let arguments = ["--set", "window_radius=2", "--set", "coarse=false"];
+    let (code, _, told) = run(program().args([&input, &output]).args(arguments));
+    assert_eq!(code, 0, "{told}");
+    let counted =
+        |words: &str| told.lines().filter(|line| line.contains("note: ") && line.contains(words)).count();
+    assert_eq!(counted("'B.Combined' could be the colour as well"), 1, "{told}");
+    assert_eq!(counted("written with ZIP, because dwaa"), 1, "{told}");
+    let repaired =
+        "2 of the colour (in the file 1 samples are NaN and 1 infinite); 1 pixels of the colour are";
+    assert_eq!(counted(repaired), 1, "{told}");
+    assert_eq!(counted("broken pixels"), 1, "only of the first frame that has some: {told}");
+    let quiet = run(program().args([&input, &output]).args(arguments).arg("--quiet"));
+    assert_eq!(quiet, (0, String::new(), String::new()));
+}
+
+#[test]
+fn inspection_lists_the_channels_by_part_and_layer() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("parts.exr");
+    let part = |name: &str, names: &[&str]| {
+        layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP1), channels(SIZE, names))
+    };
+    let parts = vec![part("rgba", &["R", "G", "B", "H.R", "H.G", "H.B"]), part("albedo", &["R", "G", "B"])];
+    exr_files::write(&path, exr::prelude::IntegerBounds::from_dimensions(SIZE), parts);
+    let (code, text, _) = run(program().arg("--inspect").arg(&path));
+    assert_eq!(code, 0);
+    let lines: Vec<&str> = text.lines().collect();
+    let at = lines.iter().position(|line| line.starts_with("  part 'rgba'")).unwrap();
+    assert_eq!(lines[at + 1..at + 3], ["    B, G, R", "    H: B, G, R"], "{text}");
+    assert!(lines[at + 3].starts_with("  part 'albedo'") && lines[at + 4] == "    B, G, R", "{text}");
+    assert!(
+        text.contains("rgba.R, rgba.G, rgba.B") && text.contains("albedo.R, albedo.G, albedo.B"),
+        "{text}"
+    );
+}
+
 #[test]
 fn inspection_tells_roles_and_ranges_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
@@ -135,7 +193,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
     std::fs::write(&text, "no picture").unwrap();
     let (missing, nowhere) = (in_folder("missing.exr"), in_folder("no/such/folder/out.exr"));
     let here = folder.path().to_str().unwrap();
-    let cases: [(i32, &[&str], &[&str]); 19] = [
+    let cases: [(i32, &[&str], &[&str]); 23] = [
         (2, &[], &["required"]),
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
@@ -145,7 +203,11 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),
         (2, &[&input, &out, "--set", "no_such_option=1"], &["no_such_option", "the options are"]),
         (2, &[&input, &out, "--set", "window_radius=99"], &["window_radius", "give"]),
-        (2, &[&input, &out, "--set", "stages.0.0.bandwidth=wide"], &["make no sense"]),
+        (2, &[&input, &out, "--set", "stages.0.0.bandwidth=wide"], &["make no sense", "bandwidth=\"wide\""]),
+        (2, &[&input, &out, "--set", "window_radius=7.5"], &["window_radius=7.5", "a whole number"]),
+        (2, &[&input, &out, "--set", "outliers.enabld=true"], &["the options of outliers are", "enabled"]),
+        (2, &[&input, &out, "--memory", "100"], &["--memory of 100 bytes"]),
+        (2, &[&input, &out, "--region", "5,0,18446744073709551612,4"], &["not inside the picture"]),
         (2, &[&input, &out, "--preset", "quick"], &["balanced", "published"]),
         (2, &[&input, &out, "--json"], &["--inspect"]),
         (3, &[&missing, &out], &["missing.exr", "check the name"]),

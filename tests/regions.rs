@@ -159,6 +159,48 @@ fn regions_that_do_not_fit_together_are_refused() {
     assert!(!target.exists());
 }
 
+/// What a region says of its picture is held against the limits and against the region, before room is made.
+#[test]
+fn regions_of_forged_pictures_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("in.exr");
+    write_one(
+        &input,
+        layer(None, (24, 18), (0, 0), scan_lines(Compression::ZIP1), channels((24, 18), &["R", "G", "B"])),
+    );
+    let whole = [Rect::whole((24, 18))];
+    let path = &write_regions(folder.path(), &input, &ReadOptions::default(), &whole, false)[0];
+    let target = folder.path().join("merged.exr");
+    let text = Text::from("apr.region");
+    let size = "[0,0,24,18]";
+    let keys = ["picture", "region", "window"];
+    let forged = |keys: &[&str], with: &str| {
+        let mut image = read_all(path);
+        let attributes = &mut image.layer_data[0].attributes.other;
+        let AttributeValue::Text(mark) = &attributes[&text] else { panic!("the mark is a text") };
+        let mut mark = mark.to_string();
+        for key in keys {
+            let (old, new) = (format!("\"{key}\":{size}"), format!("\"{key}\":{with}"));
+            assert!(mark.contains(&old), "{mark}");
+            mark = mark.replace(&old, &new);
+        }
+        attributes.insert(text.clone(), AttributeValue::Text(Text::from(mark.as_str())));
+        let forgery = folder.path().join("forged.exr");
+        image.write().to_file(&forgery).unwrap();
+        merge(&target, &[forgery]).map_err(|error| (error.kind(), error.to_string()))
+    };
+    assert!(forged(&[], "").is_ok());
+    std::fs::remove_file(&target).unwrap();
+    for with in ["[0,0,60000,20000]", "[0,0,16000,16000]", "[0,0,9223372036854775807,18]"] {
+        for keys in [&keys[..], &keys[..1], &keys[1..2], &keys[2..]] {
+            let (kind, told) = forged(keys, with).unwrap_err();
+            assert_eq!(kind, ErrorKind::Unreadable, "{with} as {keys:?}: {told}");
+            assert!(told.contains("forged.exr"), "{told}");
+        }
+    }
+    assert!(!target.exists());
+}
+
 fn program(arguments: &[&str]) -> std::process::Output {
     Command::cargo_bin("apr-denoise").unwrap().args(arguments).output().unwrap()
 }

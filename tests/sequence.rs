@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::exr_files::{channels, layer, scan_lines, write_one};
+use crate::exr_files::{channels, float, layer, scan_lines, values, write_one};
 use assert_cmd::Command;
 use exr::prelude::Compression;
 use serde_json::Value;
@@ -24,7 +24,11 @@ impl Shot {
         let names =
             ["R", "G", "B", "variance.R", "variance.G", "variance.B", "albedo.R", "albedo.G", "albedo.B"];
         let size = (SIZE.0 + frame as usize, SIZE.1 + name.len());
-        let layer = layer(None, size, (0, 0), scan_lines(Compression::ZIP16), channels(size, &names));
+        // Another half has noise of its own.
+        let seed = if name == "half" { names.len() } else { 0 };
+        let plane = |(salt, name): (usize, &&str)| float(name, values(size.0 * size.1, seed + salt));
+        let channels = names.iter().enumerate().map(plane).collect();
+        let layer = layer(None, size, (0, 0), scan_lines(Compression::ZIP16), channels);
         write_one(&self.path(&format!("{name}.{frame:04}.exr")), layer);
     }
 
@@ -94,7 +98,11 @@ fn a_sequence_has_the_bits_of_single_runs_and_reports_of_all() {
             "1-5:2,2,12",
         ],
     );
-    assert_eq!(complaints, "");
+    assert_eq!(complaints.lines().count(), 1, "of the first frame: {complaints}");
+    assert!(
+        complaints.contains("note: frame 1: albedo: ") && complaints.contains("cut to 1"),
+        "{complaints}"
+    );
     assert_eq!(
         shot.names("den"),
         ["den.001.exr", "den.002.exr", "den.003.exr", "den.005.exr", "den.012.exr"]

@@ -180,7 +180,7 @@ mod tests {
         let depth = Plane::from_fn(SIZE.0, SIZE.1, |x, _| if x < 10 { 5.0 } else { 7.0 });
         let of = |is_distance| {
             let spread = Spread { planes: 1, variance: 1e6, is_distance };
-            distances(&Surfaces::new(std::slice::from_ref(&depth), &[spread], 3), [7, 4])
+            distances(&Surfaces::new(std::slice::from_ref(&depth), &[spread], 3), [8, 4])
         };
         let step = at(&of(true), 3, 0);
         assert!((step - 4.0 / (TOLERANCE * 49.0)).abs() < 1e-4, "{step}");

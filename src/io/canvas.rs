@@ -13,6 +13,7 @@ use exr::prelude::Vec2;
 
 use super::document::{Document, block_bounds, in_line_order};
 use super::encode::{block_from_lines, write_blocks};
+use super::limits::check_memory;
 use crate::error::Result;
 
 /// All channels of a part, each in its own sample type: a line of every channel, row after row.
@@ -26,7 +27,10 @@ pub(super) struct Canvas {
 
 impl Canvas {
     /// An empty one of the header's data window.
-    pub(super) fn new(header: &Header) -> Self {
+    ///
+    /// # Errors
+    /// `Unreadable` when it takes more memory than there is.
+    pub(super) fn new(header: &Header) -> Result<Self> {
         let window = header.data_window();
         let (mut channels, mut row) = (Vec::new(), 0);
         for channel in &header.channels.list {
@@ -34,7 +38,9 @@ impl Canvas {
             channels.push((sample, row));
             row += sample * window.size.width();
         }
-        Self { window, channels, row, data: vec![0; row * window.size.height()] }
+        let bytes = row.saturating_mul(window.size.height());
+        check_memory(bytes as u64, "the pixels of a part")?;
+        Ok(Self { window, channels, row, data: vec![0; bytes] })
     }
 
     /// The samples of a channel in row `y` of the window.

@@ -316,6 +316,10 @@ pub(super) const LAYERS: &[LayerRow] = &[
     named(Renderer::VRay, "diffuseFilter", RGB,    ALBEDO),
     named(Renderer::VRay, "normals",       VECTOR, NORMAL),
     named(Renderer::VRay, "zDepth",        DEPTH,  DISTANCE),
+    // V-Ray for 3ds Max names its elements by their classes.
+    named(Renderer::VRay, "VRayDiffuseFilter", RGB,    ALBEDO),
+    named(Renderer::VRay, "VRayNormals",       VECTOR, NORMAL),
+    named(Renderer::VRay, "VRayZDepth",        DEPTH,  DISTANCE),
 
     named(Renderer::Corona, "",                 RGB,    COLOR),
     named(Renderer::Corona, "VisibleDiffuse",   RGB,    ALBEDO),

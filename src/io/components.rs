@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 
 use super::channels::{Renderer, Role, Statistic, match_layer};
 use super::layers::Channel;
-use super::mapping::Target;
+use super::mapping::{Target, likest};
 use super::roles::{Candidate, Cast, Casting, Choice};
 use super::sums::{Deviation, SUM_TOLERANCE};
 use crate::error::{Error, ErrorKind, Result};
@@ -141,12 +141,11 @@ impl Asked {
             let found: Vec<Component> =
                 casting.pictures(color).filter(|component| names_layer(name, &component.name)).collect();
             if found.is_empty() {
-                return Err(Error::new(
-                    ErrorKind::Lacking,
-                    "no layer of this name with three channels, or one, is in the first file",
-                )
-                .in_channel(name)
-                .remedy("list the names with --inspect"));
+                let what = "no layer of this name with three channels, or one, is in the first file";
+                let names = casting.pictures(color).map(|component| component.name);
+                return Err(Error::new(ErrorKind::Lacking, what)
+                    .in_channel(name)
+                    .remedy(likest(name, names)));
             }
             for component in found {
                 if is_beauty(&component) {

@@ -6,7 +6,7 @@ use crate::frame::{Aov, Feature, Frame};
 use crate::image::Plane;
 
 /// Two frames of the same scene with independent seeds as one: means of both, with both as halves. The
-/// variance is kept where both have one; what only one has keeps that one's.
+/// variance is kept where both have one; what only one has keeps that one's. The motion is the first's.
 ///
 /// # Errors
 /// `Lacking` when they differ in size.
@@ -40,10 +40,51 @@ pub(super) fn merge_halves(a: &Frame, b: &Frame) -> Result<Frame> {
         frame =
             frame.with_aov(Aov { name: aov.name.clone(), color: rgb(means(&aov.color, &other.color))? })?;
     }
+    if let Some(motion) = a.motion() {
+        frame = frame.with_motion(motion.clone())?;
+    }
     Ok(match (a.spp(), b.spp()) {
         (Some(a), Some(b)) => frame.with_spp(a + b),
         _ => frame,
     })
+}
+
+/// Whether two renders are one and the same, as far as their rows were looked at.
+#[derive(Debug, Default)]
+pub(super) struct Twins {
+    differ: bool,
+    /// The colour of the first pixel.
+    first: Option<[u32; 3]>,
+    varies: bool,
+}
+
+impl Twins {
+    /// Looks at the next rows of a frame with the two as its halves.
+    pub(super) fn add(&mut self, rows: &Frame) {
+        let Some([a, b]) = rows.halves().filter(|_| !self.differ) else { return };
+        let first = *self.first.get_or_insert(a.each_ref().map(|plane| plane.get(0, 0).to_bits()));
+        for ((a, b), first) in a.iter().zip(b).zip(first) {
+            let mut bits = a.data().iter().zip(b.data()).map(|(a, b)| (a.to_bits(), b.to_bits()));
+            self.differ |= bits.clone().any(|(a, b)| a != b);
+            self.varies |= bits.any(|(a, _)| a != first);
+        }
+    }
+
+    /// Refuses the same noise twice: it would pass for no noise at all. Where the colour is the same at every
+    /// pixel there may be none.
+    ///
+    /// # Errors
+    /// `Lacking` when all values are equal.
+    pub(super) fn check(&self) -> Result<()> {
+        if self.differ || !self.varies {
+            return Ok(());
+        }
+        Err(Error::new(
+            ErrorKind::Lacking,
+            "holds the very noise of the first half: the colours are equal everywhere",
+        )
+        .remedy("render one of the two with another seed"))
+    }
 }
 
 fn merge_feature(a: &Feature, b: &Feature) -> Feature {
@@ -82,7 +123,9 @@ mod tests {
             let mut depth = Feature::new("depth", FeatureKind::Depth, vec![Plane::filled(3, 2, v)]);
             depth.var_of_mean = Some(vec![Plane::filled(3, 2, 2.0 * v)]);
             let frame = Frame::new(planes(v)).unwrap().with_variance_of_mean(planes(v)).unwrap();
-            frame.with_feature(depth).unwrap().with_spp(v)
+            let motion =
+                crate::frame::Motion { next: None, previous: Some([0.0, v].map(|v| Plane::filled(3, 2, v))) };
+            frame.with_feature(depth).and_then(|frame| frame.with_motion(motion)).unwrap().with_spp(v)
         };
         let merged = merge_halves(&frame(2.0), &frame(4.0)).unwrap();
         assert_eq!(merged.color(), &planes(3.0));
@@ -91,6 +134,7 @@ mod tests {
         let depth = &merged.features()[0];
         assert_eq!((depth.planes[0].get(2, 1), depth.var_of_mean.as_ref().unwrap()[0].get(2, 1)), (3.0, 3.0));
         assert_eq!(merged.spp(), Some(6.0));
+        assert_eq!(merged.motion(), frame(2.0).motion(), "both show the same motion");
         let small = Frame::new([0.0; 3].map(|v| Plane::filled(3, 1, v))).unwrap();
         assert_eq!(merge_halves(&frame(1.0), &small).unwrap_err().kind(), ErrorKind::Lacking);
     }

@@ -44,6 +44,17 @@ impl Layer {
     pub(super) fn pick_first(&self, sets: &[&[&str]]) -> Option<Vec<Channel>> {
         sets.iter().find_map(|names| self.pick(names))
     }
+
+    /// All of them as their components are meant to follow each other: the file has them by the alphabet.
+    pub(super) fn in_order(&self) -> Vec<Channel> {
+        const ORDER: &str = "RGBXYZWUVA";
+        let place = |(name, _): &&(String, Channel)| {
+            ORDER.find(&name.to_ascii_uppercase()).filter(|_| name.len() == 1).unwrap_or(ORDER.len())
+        };
+        let mut ordered: Vec<&(String, Channel)> = self.components.iter().collect();
+        ordered.sort_by_key(place);
+        ordered.into_iter().map(|(_, channel)| *channel).collect()
+    }
 }
 
 /// All layers of `documents`, in the files' order. With `one_file_per_buffer` the bare channels of a
@@ -63,13 +74,14 @@ pub(super) fn gather(
             None => None,
         };
         for (part, header) in document.headers().iter().enumerate() {
+            let in_words = has_colors_in_words(header);
             let view = header.own_attributes.view_name.as_ref().map(ToString::to_string);
             let part_layer = match (file, Some(part)) == (0, main_part) {
                 true => String::new(),
                 false => part_layer(document.headers().len(), header, view.as_deref()),
             };
             for (channel, description) in header.channels.list.iter().enumerate() {
-                let (layer, component) = split_name(&description.name.to_string());
+                let (layer, component) = split_name(&description.name.to_string(), in_words);
                 let mut name = join(&part_layer, &layer);
                 if name.is_empty() {
                     name = file_layer.clone().unwrap_or_default();
@@ -124,10 +136,30 @@ fn part_layer(parts: usize, header: &Header, view: Option<&str>) -> String {
     if NEUTRAL_PARTS.iter().any(|neutral| name.eq_ignore_ascii_case(neutral)) { String::new() } else { name }
 }
 
-/// A channel's name as layer and component.
-fn split_name(name: &str) -> (String, String) {
+/// Components that Nuke writes out.
+const WORDS: [(&str, &str); 4] = [("red", "R"), ("green", "G"), ("blue", "B"), ("alpha", "A")];
+
+/// The component that a word stands for.
+fn of_word(word: &str) -> Option<String> {
+    WORDS.iter().find(|(known, _)| word.eq_ignore_ascii_case(known)).map(|(_, letter)| (*letter).to_owned())
+}
+
+/// Whether the part has channels `red`, `green` and `blue` without a layer: one of them alone may be a mask.
+fn has_colors_in_words(header: &Header) -> bool {
+    let has = |word: &str| {
+        header.channels.list.iter().any(|channel| channel.name.to_string().eq_ignore_ascii_case(word))
+    };
+    WORDS[..3].iter().all(|(word, _)| has(word))
+}
+
+/// A channel's name as layer and component, which may be a word; without a layer only where the part has its
+/// colours `in_words`.
+fn split_name(name: &str, in_words: bool) -> (String, String) {
     match name.rsplit_once('.') {
-        Some((layer, component)) => (layer.to_owned(), component.to_owned()),
+        Some((layer, component)) => {
+            (layer.to_owned(), of_word(component).unwrap_or_else(|| component.to_owned()))
+        }
+        None if in_words && of_word(name).is_some() => (String::new(), of_word(name).unwrap_or_default()),
         None if name.len() == 1 && BARE_COMPONENTS.contains(&name.to_uppercase()) => {
             (String::new(), name.to_owned())
         }
@@ -152,11 +184,13 @@ mod tests {
     #[test]
     fn names_split_at_the_last_dot_and_parts_stand_in_front() {
         let split = |name| {
-            let (layer, component) = split_name(name);
+            let (layer, component) = split_name(name, false);
             format!("{layer}|{component}")
         };
         assert_eq!(split("ViewLayer.Noisy Image.R"), "ViewLayer.Noisy Image|R");
         assert_eq!(split("Z"), "|Z");
+        assert_eq!((split("rgba.red"), split("red")), ("rgba|R".to_owned(), "red|".to_owned()));
+        assert_eq!(split_name("Green", true), (String::new(), "G".to_owned()));
         assert_eq!(split("zfiltered"), "zfiltered|");
         assert_eq!(join("ViewLayer.Combined", ""), "ViewLayer.Combined");
         assert_eq!(join("ViewLayer", "Combined"), "ViewLayer.Combined");

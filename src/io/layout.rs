@@ -76,6 +76,8 @@ pub struct RoleLayout {
     pub max: Option<f32>,
     /// Samples that are NaN or infinite.
     pub non_finite: usize,
+    /// Of those, NaN.
+    pub nan: usize,
 }
 
 impl Default for Layout {
@@ -160,9 +162,10 @@ impl RoleLayout {
         channels: Vec<String>,
         statistics: impl Iterator<Item = &'s Statistics>,
     ) -> Self {
-        let (mut range, mut non_finite) = (None::<(f32, f32)>, 0);
+        let (mut range, mut non_finite, mut nan) = (None::<(f32, f32)>, 0, 0);
         for of in statistics {
             non_finite += of.non_finite;
+            nan += of.nan;
             range = match (range, of.range()) {
                 (Some((a, b)), Some((low, high))) => Some((a.min(low), b.max(high))),
                 (known, new) => known.or(new),
@@ -192,6 +195,7 @@ impl RoleLayout {
             min: range.map(|(min, _)| min),
             max: range.map(|(_, max)| max),
             non_finite,
+            nan,
         }
     }
 }

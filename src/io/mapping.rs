@@ -1,5 +1,6 @@
 //! What the user says about channels: `ROLE=CHANNELS`.
 
+use std::collections::BTreeSet;
 use std::str::FromStr;
 
 use super::channels::{Flow, Role, Statistic, VarianceKind, match_layer};
@@ -42,6 +43,19 @@ pub(super) struct Target {
     /// The feature's name, number included; empty for the other roles.
     pub(super) feature: String,
     pub(super) statistic: Statistic,
+}
+
+impl Target {
+    /// Whether something can have only one of the two: variances of any kind are one slot.
+    pub(super) fn excludes(&self, other: &Self) -> bool {
+        (self.role, &self.feature) == (other.role, &other.feature)
+            && same_slot(self.statistic, other.statistic)
+    }
+}
+
+/// Whether two statistics exclude each other: variances of any kind do.
+pub(super) fn same_slot(a: Statistic, b: Statistic) -> bool {
+    matches!((a, b), (Statistic::Variance(_), Statistic::Variance(_))) || a == b
 }
 
 /// The features that have a role, and their names.
@@ -117,34 +131,87 @@ fn base_role(base: &str, further: &[String]) -> Option<(Role, String)> {
     })
 }
 
-/// Finds the channels that a mapping names: full channel names, `PART.CHANNEL`, or layers.
+/// Finds the channels that a mapping names: full channel names, `PART.CHANNEL`, layers, parts, or views.
 ///
 /// # Errors
-/// `Lacking` when there is none of that name.
+/// `Lacking` when there is none of that name, with those that are like it.
 pub(super) fn find(
     mapping: &Mapping,
     layers: &[Layer],
     full_name: impl Fn(Channel) -> Vec<String>,
+    part_name: impl Fn(Channel) -> Option<String>,
 ) -> Result<Vec<Channel>> {
     let all = || layers.iter().flat_map(|layer| &layer.components).map(|(_, channel)| *channel);
     let mut found = Vec::new();
     for wanted in &mapping.channels {
         if let Some(channel) = all().find(|&channel| full_name(channel).contains(wanted)) {
             found.push(channel);
-        } else if let Some(layer) = layers.iter().find(|layer| layer.name.eq_ignore_ascii_case(wanted)) {
+        } else if let Some(layer) = layer_named(wanted, layers, &part_name) {
             let ordered = layer.pick_first(&[&["R", "G", "B"], &["X", "Y", "Z"]]);
-            let in_file_order = || layer.components.iter().map(|(_, channel)| *channel).collect();
-            found.extend(ordered.unwrap_or_else(in_file_order));
+            found.extend(ordered.unwrap_or_else(|| layer.in_order()));
         } else {
-            return Err(Error::new(
-                ErrorKind::Lacking,
-                format!("is not there, but '{}' is mapped to it", mapping.name),
-            )
-            .in_channel(wanted)
-            .remedy("list the names with --inspect"));
+            let what = format!("is not there, but '{}' is mapped to it", mapping.name);
+            let part = |layer: &Layer| part_name(layer.components[0].1);
+            let of_layer = |layer: &Layer| [Some(layer.name.clone()), layer.view.clone(), part(layer)];
+            let names = layers.iter().flat_map(of_layer).flatten().chain(all().flat_map(&full_name));
+            return Err(Error::new(ErrorKind::Lacking, what)
+                .in_channel(wanted)
+                .remedy(likest(wanted, names)));
         }
     }
     Ok(found)
+}
+
+/// The layer of this name; or that of the part, or the picture of the view, which is called so.
+fn layer_named<'l>(
+    wanted: &str,
+    layers: &'l [Layer],
+    part_name: &impl Fn(Channel) -> Option<String>,
+) -> Option<&'l Layer> {
+    let is = |name: &str| name.eq_ignore_ascii_case(wanted);
+    let in_part = || {
+        let is_in_it = |layer: &&Layer| part_name(layer.components[0].1).is_some_and(|name| is(&name));
+        let is_picture = |layer: &&Layer| layer.pick(&["R", "G", "B"]).is_some();
+        let here = || layers.iter().filter(is_in_it);
+        here().find(is_picture).or_else(|| here().next())
+    };
+    let of_view = |layer: &&Layer| layer.name.is_empty() && layer.view.as_deref().is_some_and(is);
+    let named = layers.iter().find(|layer| is(&layer.name));
+    named.or_else(in_part).or_else(|| layers.iter().find(of_view))
+}
+
+/// What to do about a name that is not there: the names that are, where they are few, else the likest ones.
+pub(super) fn likest(wanted: &str, names: impl Iterator<Item = String>) -> String {
+    /// So many fit into a message.
+    const FEW: usize = 12;
+    const LIKEST: usize = 3;
+    let names: BTreeSet<String> = names.filter(|name| !name.is_empty()).collect();
+    let small = wanted.to_lowercase();
+    let mut sorted: Vec<String> = names.into_iter().collect();
+    let (told, count) = if sorted.len() <= FEW { ("there are", FEW) } else { ("the likest are", LIKEST) };
+    sorted.sort_by_cached_key(|name| unlikeness(&small, &name.to_lowercase()));
+    sorted.truncate(count);
+    format!("{told} '{}'; --inspect without it lists all", sorted.join("', '"))
+}
+
+/// What holds the other comes first, then what has fewest edits for its length, in thousandths.
+fn unlikeness(a: &str, b: &str) -> (bool, usize) {
+    (!b.contains(a), 1000 * edits(a, b) / a.chars().count().max(b.chars().count()).max(1))
+}
+
+/// How many letters must be put in, taken out or changed to make `b` of `a` (Levenshtein).
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, letter) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, other) in b.iter().enumerate() {
+            let change = diagonal + usize::from(letter != *other);
+            diagonal = row[j + 1];
+            row[j + 1] = change.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
 }
 
 #[cfg(test)]
@@ -159,6 +226,18 @@ mod tests {
         for nonsense in ["albedo", "=R", "albedo=", "albedo=R,,B"] {
             assert_eq!(nonsense.parse::<Mapping>().unwrap_err().kind(), ErrorKind::Usage, "{nonsense}");
         }
+    }
+
+    #[test]
+    fn the_likest_names_are_told() {
+        let of = |names: &[&str]| likest("albdo.R", names.iter().map(|name| (*name).to_owned()));
+        assert_eq!((edits("albedo", "albdo"), edits("", "ab"), edits("kitten", "sitting")), (1, 2, 3));
+        assert!(of(&["N.X", "Albedo.R"]).starts_with("there are 'Albedo.R', 'N.X'; --inspect"));
+        let many: Vec<String> = (0..20).map(|i| format!("layer{i}.Y")).collect();
+        let many: Vec<&str> = many.iter().map(String::as_str).chain(["albedo.R", "albedo.G"]).collect();
+        assert!(of(&many).starts_with("the likest are 'albedo.R', 'albedo.G', "), "{}", of(&many));
+        assert!(unlikeness("lft", "rgba_left") < unlikeness("lft", "a"));
+        assert!(unlikeness("key", "view.combined_key") < unlikeness("key", "view.ao"));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use super::atomic::write_picture_atomically;
 use super::canvas::Canvas;
 use super::document::{Document, in_line_order};
 use super::encode::{encode_error, through_encoder};
+use super::limits;
 use super::region::{Cover, Mark};
 use super::rewrite::signature_in;
 use crate::error::{Error, ErrorKind, Result};
@@ -35,11 +36,13 @@ impl Piece {
         Ok(Self { region: marks[0].region, document, marks })
     }
 
-    /// The headers of the picture that this is a region of.
+    /// The headers of the picture that this is a region of, which keep to the limits of any file.
     fn whole_headers(&self) -> Result<Headers> {
         let headers = self.document.headers().iter().zip(&self.marks);
-        let whole = headers.map(|(header, mark)| mark.whole_header(header));
-        whole.collect::<Result<_>>().map_err(|error| error.in_file(self.document.path()))
+        let whole = headers.map(|(header, mark)| mark.whole_header(header)).collect::<Result<Headers>>();
+        // How many bytes the whole file will have nobody knows.
+        let checked = whole.and_then(|whole| limits::check(&whole, u64::MAX).map(|()| whole));
+        checked.map_err(|error| error.in_file(self.document.path()))
     }
 
     /// Checks that this is a region of the same picture, made by the same settings, as `first`.
@@ -76,10 +79,12 @@ pub fn merge(target: impl AsRef<Path>, paths: &[PathBuf]) -> Result<()> {
     let Some(first) = pieces.first() else {
         return Err(Error::new(ErrorKind::Usage, "no region is given").remedy("name the regions' files"));
     };
+    let whole = first.whole_headers()?;
     pieces[1..].iter().try_for_each(|piece| piece.check_beside(first))?;
     check_cover(&pieces, first.marks[0].picture)?;
+    check_blocks(&pieces, &whole)?;
     write_picture_atomically(target.as_ref(), |file| {
-        exr::block::write(file, first.whole_headers()?, false, |meta, writer| {
+        exr::block::write(file, whole, false, |meta, writer| {
             for part in 0..meta.headers.len() {
                 if first.marks[part].copied {
                     copy_blocks(&pieces, part, &meta.headers[part], writer)?;
@@ -92,6 +97,22 @@ pub fn merge(target: impl AsRef<Path>, paths: &[PathBuf]) -> Result<()> {
         })
         .map_err(encode_error)
     })
+}
+
+/// Checks that the regions have as many blocks as the picture, before room is made for a table of them.
+fn check_blocks(pieces: &[Piece], whole: &Headers) -> Result<()> {
+    for (part, header) in whole.iter().enumerate() {
+        let blocks: usize = pieces.iter().map(|piece| piece.document.headers()[part].chunk_count).sum();
+        if blocks < header.chunk_count {
+            let what = format!(
+                "{blocks} blocks of part {part} are in the regions where the picture has {}",
+                header.chunk_count
+            );
+            let error = Error::new(ErrorKind::Lacking, what).remedy("give all regions' files");
+            return Err(error.in_file(pieces[0].document.path()));
+        }
+    }
+    Ok(())
 }
 
 /// Checks that every pixel of the picture is in one region and no pixel in two.
@@ -151,7 +172,7 @@ fn first_hole(pieces: &[Piece], [x, y, width, height]: [i64; 4]) -> Option<(i64,
 
 /// The pixels of a part with new channels.
 fn gather(pieces: &[Piece], part: usize, header: &Header) -> Result<Canvas> {
-    let mut canvas = Canvas::new(header);
+    let mut canvas = Canvas::new(header)?;
     for piece in pieces {
         canvas.take_all(&piece.document, part, Some)?;
     }

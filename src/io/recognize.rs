@@ -36,8 +36,9 @@ pub(super) fn detect(document: &Document, layers: &[Layer]) -> Renderer {
     MARKS.iter().find(|(_, mark)| marked(*mark)).map_or(Renderer::Plain, |(renderer, _)| *renderer)
 }
 
-/// Samples per pixel according to the header.
-pub(super) fn samples_in(header: &Header) -> Option<f32> {
+/// Samples per pixel according to the header; where it tells them for each of several layers, those of the one
+/// that is `around` the colour (with its dot), else of the first by name.
+pub(super) fn samples_in(header: &Header, around: &str) -> Option<f32> {
     let number = |value: &AttributeValue| match value {
         AttributeValue::I32(n) => Some(*n as f32),
         AttributeValue::F32(n) => Some(*n),
@@ -46,11 +47,14 @@ pub(super) fn samples_in(header: &Header) -> Option<f32> {
         _ => None,
     };
     COUNTS.iter().find_map(|&(start, end, count_as)| {
-        header.own_attributes.other.iter().find_map(|(name, value)| {
+        let told = header.own_attributes.other.iter().filter_map(|(name, value)| {
             let name = name.to_string();
-            let fits = name.starts_with(start) && name.ends_with(end) && (!end.is_empty() || name == start);
-            let n = number(value).filter(|n| fits && *n > 0.0)?;
-            Some(if count_as == CountAs::Root { n * n } else { n })
-        })
+            let layer = name.strip_prefix(start)?.strip_suffix(end)?;
+            let n = number(value).filter(|n| (!end.is_empty() || layer.is_empty()) && *n > 0.0)?;
+            let other = around.strip_suffix('.') != Some(layer);
+            Some((other, name, if count_as == CountAs::Root { n * n } else { n }))
+        });
+        // A header's attributes have no order of their own.
+        told.min_by(|a, b| (a.0, &a.1).cmp(&(b.0, &b.1))).map(|(_, _, n)| n)
     })
 }

@@ -71,7 +71,7 @@ impl Mark {
     /// The part's header in the picture that `header`, which has this mark, is a region of.
     ///
     /// # Errors
-    /// `Unreadable` when the mark makes no sense.
+    /// `Unreadable` when the mark makes no sense, or is not that of this header.
     pub(super) fn whole_header(&self, header: &Header) -> Result<Header> {
         let nonsense = || {
             Error::new(ErrorKind::Unreadable, format!("its attribute {REGION} makes no sense"))
@@ -79,6 +79,12 @@ impl Mark {
         };
         let compression = named(&self.compression).ok_or_else(nonsense)?;
         let window = bounds(self.window).ok_or_else(nonsense)?;
+        let (picture, region) = (bounds(self.picture), bounds(self.region));
+        // A part with new channels has the pixels of the region, and those alone.
+        let fits = self.copied || (picture == Some(window) && region == Some(header.data_window()));
+        if picture.is_none() || region.is_none() || !fits {
+            return Err(nonsense());
+        }
         let mut whole = header.clone();
         whole.own_attributes.other.remove(&Text::from(REGION));
         Ok(with_window(whole, window, compression))
@@ -154,7 +160,7 @@ pub(super) fn write_region(
 
 /// The region's pixels of a part: what passes through, then what is new.
 fn gather(document: &Document, part: usize, new: &NewPart, header: &Header) -> Result<Canvas> {
-    let mut canvas = Canvas::new(header);
+    let mut canvas = Canvas::new(header)?;
     let output = |wanted: usize| {
         new.sources.iter().position(|source| matches!(source, Source::Input(channel) if *channel == wanted))
     };

@@ -12,7 +12,7 @@ use super::channels::{
 use super::components::Component;
 use super::evidence::Tally;
 use super::layers::{Channel, Layer};
-use super::mapping::{FEATURES, Target};
+use super::mapping::{FEATURES, Target, same_slot};
 use crate::frame::FeatureKind;
 
 /// Channels with a role.
@@ -35,6 +35,11 @@ pub(super) struct Candidate {
 }
 
 impl Candidate {
+    /// The layers around it, with their dot; empty where they are not left open.
+    pub(super) fn around(&self) -> &str {
+        &self.around
+    }
+
     /// Whether no numbers are needed to know what it is.
     pub(super) fn is_told_by_name(&self) -> bool {
         self.evidence == Evidence::Name
@@ -49,6 +54,8 @@ pub(super) struct Casting<'a> {
     mapped: &'a [Choice],
     /// Layers by their name in small letters: hostile files have thousands.
     by_name: BTreeMap<String, Vec<usize>>,
+    /// For each layer what is around it, where the renderer leaves that open for the colour.
+    around: Vec<String>,
 }
 
 impl<'a> Casting<'a> {
@@ -57,7 +64,8 @@ impl<'a> Casting<'a> {
         for (i, layer) in layers.iter().enumerate() {
             by_name.entry(layer.name.to_ascii_lowercase()).or_default().push(i);
         }
-        Self { layers, renderer, mapped, by_name }
+        let around = surroundings(layers, renderer);
+        Self { layers, renderer, mapped, by_name, around }
     }
 
     /// The colour: what the user maps, or the first row that matches in the first file.
@@ -151,7 +159,7 @@ impl<'a> Casting<'a> {
 
     /// The view must be the colour's, and so must the layers around (Cycles' view layer).
     fn goes_with(&self, layer: usize, color: &Candidate) -> bool {
-        self.same_view(layer, color.layer) && self.layers[layer].name.starts_with(&color.around)
+        self.same_view(layer, color.layer) && (color.around.is_empty() || self.around[layer] == color.around)
     }
 
     /// What has no view belongs to all of them.
@@ -164,11 +172,8 @@ impl<'a> Casting<'a> {
         self.all_rows().filter(move |row| row.role == role)
     }
 
-    /// The renderer's rows, then the plain ones.
     fn all_rows(&self) -> impl Iterator<Item = &'static LayerRow> + use<> {
-        let renderer = self.renderer;
-        let own = LAYERS.iter().filter(move |row| row.renderer == renderer && renderer != Renderer::Plain);
-        own.chain(LAYERS.iter().filter(|row| row.renderer == Renderer::Plain))
+        rows_of(self.renderer)
     }
 
     fn companion_rows(&self) -> impl Iterator<Item = &'static CompanionRow> + use<> {
@@ -225,7 +230,8 @@ impl<'a> Casting<'a> {
         let holds = |layer: &Layer| layer.components.iter().any(|(_, channel)| channel == first);
         let layer = self.layers.iter().position(holds)?;
         let companions = self.companions(layer, &mean);
-        Some(Candidate { mean, companions, evidence: Evidence::Name, layer, around: String::new() })
+        let around = self.around[layer].clone();
+        Some(Candidate { mean, companions, evidence: Evidence::Name, layer, around })
     }
 
     /// The statistics of `mean`, as mapped by the user or as named after its `layer`.
@@ -272,6 +278,31 @@ impl<'a> Casting<'a> {
             _ => None,
         })
     }
+}
+
+/// The renderer's rows, then the plain ones.
+fn rows_of(renderer: Renderer) -> impl Iterator<Item = &'static LayerRow> {
+    let own = LAYERS.iter().filter(move |row| row.renderer == renderer && renderer != Renderer::Plain);
+    own.chain(LAYERS.iter().filter(|row| row.renderer == Renderer::Plain))
+}
+
+/// For each layer what is around it: the longest start of its name that is around a layer with a role, so that
+/// `A.001.Depth` is not of `A`. Empty where the renderer's colour has no open row.
+fn surroundings(layers: &[Layer], renderer: Renderer) -> Vec<String> {
+    let is_open = |row: &&LayerRow| row.layer.starts_with("*.");
+    let open: Vec<&LayerRow> = rows_of(renderer).filter(is_open).collect();
+    if open.iter().all(|row| row.role != Role::Color) {
+        return vec![String::new(); layers.len()];
+    }
+    let around = |layer: &'_ Layer| {
+        open.iter().find_map(|row| match_layer(row.layer, &layer.name).map(|m| m.around.to_owned()))
+    };
+    let known: BTreeSet<String> = layers.iter().filter_map(around).collect();
+    let longest = |layer: &Layer| {
+        let starts = layer.name.rmatch_indices('.').map(|(dot, _)| &layer.name[..=dot]);
+        starts.into_iter().find(|start| known.contains(*start)).unwrap_or_default().to_owned()
+    };
+    layers.iter().map(longest).collect()
 }
 
 /// What the candidates come to.
@@ -332,11 +363,6 @@ fn adopt_statistics(choices: &mut Vec<Choice>, companions: &[Choice]) {
             choices.push(Choice { target, channels: companion.channels.clone() });
         }
     }
-}
-
-/// Whether two statistics exclude each other: variances of any kind do.
-fn same_slot(a: Statistic, b: Statistic) -> bool {
-    matches!((a, b), (Statistic::Variance(_), Statistic::Variance(_))) || a == b
 }
 
 fn feature_name(kind: FeatureKind) -> &'static str {

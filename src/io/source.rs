@@ -16,9 +16,10 @@ use super::document::Document;
 use super::evidence::Tally;
 use super::layers::{Channel, Layer, buffer_prefix};
 use super::layout::{FileLayout, Layout, RoleLayout};
-use super::mapping::{find, target};
+use super::mapping::{Mapping, Target, find, target};
 use super::picture::ReadOptions;
 use super::recognize::{detect, layers, samples_in};
+use super::region::numbers;
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
 use super::siblings::{buffers_beside, is_buffer};
 use super::statistics::Statistics;
@@ -71,7 +72,10 @@ impl Source {
             documents[0].keep(beauty[0].at.part);
         }
         let mut candidates = casting.candidates(&color);
-        candidates.retain(|found| options.motion || !matches!(found.mean.target.role, Role::Motion(_)));
+        let is_motion = |found: &Candidate| matches!(found.mean.target.role, Role::Motion(_));
+        let mut useful =
+            files_of(candidates.iter().filter(|found| is_motion(found)).map(|found| &found.mean));
+        candidates.retain(|found| options.motion || !is_motion(found));
 
         let header = &documents[0].headers()[color.mean.channels[0].at.part];
         let window = header.data_window();
@@ -88,6 +92,10 @@ impl Source {
         let held = pixels.held;
 
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
+        check_windows(&documents, &cast.choices, window)?;
+        useful.extend(files_of(cast.choices.iter()));
+        warn_of_useless(&documents[..=options.with.len()], &useful, &mut remarks);
+        leave_out_variances(&mut cast.choices, &documents, &statistics, &mut remarks);
         note_windows(&documents, &cast.choices, window, &mut remarks);
         note_bounds(&cast.choices, &statistics, &mut remarks);
         warn_of_broken(&cast.choices, &documents, &statistics, &mut remarks);
@@ -102,7 +110,10 @@ impl Source {
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
         }
-        let given = Given { kind: options.variance_kind, spp: options.spp.or_else(|| samples_in(header)) };
+        let given = Given {
+            kind: options.variance_kind,
+            spp: options.spp.or_else(|| samples_in(header, color.around())),
+        };
         let layout = Layout {
             files: documents.iter().map(FileLayout::of).collect(),
             renderer,
@@ -287,10 +298,18 @@ fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer
     let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
     let names = |channel| full_names(documents, channel);
     let mappings = options.map.iter().chain(&options.features);
-    let choices = mappings.map(|mapping| {
-        Ok(Choice { target: target(&mapping.name, &further)?, channels: find(mapping, layers, names)? })
-    });
-    let choices: Vec<Choice> = choices.collect::<Result<_>>()?;
+    let part = |channel: Channel| documents[channel.file].part_name(channel.at.part);
+    let mut choices: Vec<Choice> = Vec::new();
+    for mapping in mappings {
+        let target = target(&mapping.name, &further)?;
+        if choices.iter().any(|choice| choice.target.excludes(&target)) {
+            return Err(Error::new(ErrorKind::Usage, format!("'{}' is mapped twice", mapping.name))
+                .remedy("give every role once"));
+        }
+        let channels = find(mapping, layers, names, part)?;
+        check_color(mapping, &target, channels.len())?;
+        choices.push(Choice { target, channels });
+    }
     match choices.iter().find(|choice| {
         choice.target.role == Role::Color
             && choice.target.statistic == Statistic::Mean
@@ -305,12 +324,31 @@ fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer
     }
 }
 
+/// Refuses colours of two channels, and of more than three.
+fn check_color(mapping: &Mapping, target: &Target, count: usize) -> Result<()> {
+    let is_color = matches!(target.role, Role::Color | Role::Feature(FeatureKind::Albedo));
+    if !is_color || matches!(count, 0 | 1 | 3) {
+        return Ok(());
+    }
+    let what = format!("'{}' is mapped to {count} channels where 3 (or 1) were expected", mapping.name);
+    Err(Error::new(ErrorKind::Lacking, what).remedy(format!("name them by --map {}=R,G,B", mapping.name)))
+}
+
 /// The names by which a channel may be called: its own, and with its part's in front.
 fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
     let document = &documents[channel.file];
     let own = document.headers()[channel.at.part].channels.list[channel.at.channel].name.to_string();
     let with_part = document.part_name(channel.at.part).map(|part| format!("{part}.{own}"));
     std::iter::once(own).chain(with_part).collect()
+}
+
+/// The name that tells a channel from all others of its file: where it has several parts, with its part's.
+fn told_name(documents: &[Document], channel: Channel) -> String {
+    let parts = documents[channel.file].headers().len();
+    let mut names = full_names(documents, channel);
+    let part = documents[channel.file].part_name(channel.at.part).unwrap_or_default();
+    let has_it = names[0].strip_prefix(part.as_str()).is_some_and(|rest| rest.starts_with('.'));
+    if parts > 1 && !has_it { names.pop().unwrap_or_default() } else { names.swap_remove(0) }
 }
 
 pub(super) fn no_color(layers: &[Layer]) -> Error {
@@ -336,7 +374,7 @@ fn describe(
     statistics: &BTreeMap<Channel, Statistics>,
 ) -> RoleLayout {
     let names = choice.channels.iter().map(|&channel| {
-        let name = full_names(documents, channel).swap_remove(0);
+        let name = told_name(documents, channel);
         match channel.file {
             0 => name,
             file => format!("{}:{name}", documents[file].path().display()),
@@ -375,13 +413,87 @@ fn warn_of_broken(
     if broken.is_empty() {
         return;
     }
-    let names: Vec<String> =
-        broken.iter().map(|channel| full_names(documents, *channel).swap_remove(0)).collect();
+    let names: Vec<String> = broken.iter().map(|channel| told_name(documents, *channel)).collect();
     remarks.warnings.push(format!(
         "{}: NaN or infinite at every pixel; a channel of the colour or a component becomes black, all else is \
          done without",
         names.join(", ")
     ));
+}
+
+/// The files that have channels of these `choices`.
+fn files_of<'c>(choices: impl Iterator<Item = &'c Choice>) -> BTreeSet<usize> {
+    choices.flat_map(|choice| &choice.channels).map(|channel| channel.file).collect()
+}
+
+/// Names the further files of which nothing is used; `documents` are those and the first.
+fn warn_of_useless(documents: &[Document], useful: &BTreeSet<usize>, remarks: &mut Remarks) {
+    for (_, document) in documents.iter().enumerate().skip(1).filter(|(file, _)| !useful.contains(file)) {
+        remarks.warnings.push(format!(
+            "{}: none of its layers plays a role; give it one by --map, or leave the file out of --with",
+            document.path().display()
+        ));
+    }
+}
+
+/// Refuses a further file that leaves pixels of the colour without a value: 0 would pass for one.
+fn check_windows(documents: &[Document], choices: &[Choice], window: IntegerBounds) -> Result<()> {
+    let channels = choices.iter().flat_map(|choice| &choice.channels).filter(|channel| channel.file > 0);
+    for channel in channels {
+        let other = documents[channel.file].headers()[channel.at.part].data_window();
+        if !covers(other, window) {
+            let text = |bounds| numbers(bounds).map(|n| n.to_string()).join(",");
+            let what = format!(
+                "its data window {} does not cover that of the picture, {}",
+                text(other),
+                text(window)
+            );
+            return Err(Error::new(ErrorKind::Lacking, what)
+                .remedy("give a file of the same frame and region")
+                .in_channel(full_names(documents, *channel).swap_remove(0))
+                .in_file(documents[channel.file].path()));
+        }
+    }
+    Ok(())
+}
+
+/// Whether `outer` has all pixels of `inner`.
+fn covers(outer: IntegerBounds, inner: IntegerBounds) -> bool {
+    let ([x, y, width, height], [ix, iy, inner_width, inner_height]) = (numbers(outer), numbers(inner));
+    x <= ix && y <= iy && x + width >= ix + inner_width && y + height >= iy + inner_height
+}
+
+/// Does without variances that say nothing, and names them: those of which no value can be one, and the colour's
+/// where it is 0 at every pixel though the picture is not the same everywhere. That a renderer writes who was not
+/// asked for one; believed, it would keep all noise.
+fn leave_out_variances(
+    choices: &mut Vec<Choice>,
+    documents: &[Document],
+    statistics: &BTreeMap<Channel, Statistics>,
+    remarks: &mut Remarks,
+) {
+    let range = |channel: &Channel| statistics[channel].range();
+    let is_mean = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
+    let color = choices.iter().find(is_mean).map_or(&[][..], |choice| &choice.channels);
+    let varies = color.iter().filter_map(range).any(|(least, most)| least < most);
+    let says_nothing = |choice: &Choice| {
+        let most = || choice.channels.iter().filter_map(range).map(|(_, most)| most);
+        let is_variance = matches!(choice.target.statistic, Statistic::Variance(_));
+        let all_zero = choice.target.role == Role::Color && varies && most().all(|most| most <= 0.0);
+        is_variance && (most().any(|most| most < 0.0) || (all_zero && most().next().is_some()))
+    };
+    let (left_out, kept) = std::mem::take(choices).into_iter().partition(says_nothing);
+    *choices = kept;
+    for choice in left_out as Vec<Choice> {
+        let negative = choice.channels.iter().filter_map(range).any(|(_, most)| most < 0.0);
+        let mut names: Vec<String> = Vec::new();
+        choice.channels.iter().for_each(|channel| names.push(told_name(documents, *channel)));
+        names.dedup();
+        let why =
+            if negative { "below 0 at every pixel" } else { "0 at every pixel though the colour varies" };
+        let names = names.join(", ");
+        remarks.warnings.push(format!("{names}: {why}: no variance, it is done without"));
+    }
 }
 
 /// Tells which roles come from a part whose pixels are not the colour's.
@@ -392,7 +504,7 @@ fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBound
         if let Some(channel) = choice.channels.iter().find(other) {
             remarks.notes.push(format!(
                 "{}: its data window is not the colour's; 0 stands where it does not reach",
-                full_names(documents, *channel)[0]
+                told_name(documents, *channel)
             ));
         }
     }

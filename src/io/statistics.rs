@@ -12,6 +12,8 @@ pub(super) struct Statistics {
     largest: f32,
     /// Values that are NaN or infinite.
     pub(super) non_finite: usize,
+    /// Of those, NaN.
+    pub(super) nan: usize,
     /// The same of the values that a surface can have.
     least_seen: f32,
     largest_seen: f32,
@@ -31,6 +33,7 @@ impl Default for Statistics {
             least: high,
             largest: low,
             non_finite: 0,
+            nan: 0,
             least_seen: high,
             largest_seen: low,
             misses: 0,
@@ -72,6 +75,7 @@ impl Statistics {
         self.largest_seen = largest(lanes.largest_seen, self.largest_seen);
         let count = |lanes: [u32; N]| lanes.iter().sum::<u32>() as usize;
         self.non_finite += count(lanes.non_finite);
+        self.nan += count(lanes.nan);
         self.finite -= count(lanes.non_finite);
         self.misses += count(lanes.misses);
         self.above_one += count(lanes.above_one);
@@ -101,6 +105,7 @@ struct Lanes<const N: usize> {
     least_seen: [f32; N],
     largest_seen: [f32; N],
     non_finite: [u32; N],
+    nan: [u32; N],
     misses: [u32; N],
     above_one: [u32; N],
     sum: [f64; N],
@@ -117,6 +122,7 @@ impl<const N: usize> Lanes<N> {
             least_seen: [high; N],
             largest_seen: [low; N],
             non_finite: [0; N],
+            nan: [0; N],
             misses: [0; N],
             above_one: [0; N],
             sum: [0.0; N],
@@ -130,6 +136,9 @@ impl<const N: usize> Lanes<N> {
             raise(&mut lanes.largest_seen, seen(low));
             for (count, v) in lanes.non_finite.iter_mut().zip(values) {
                 *count += 1 - u32::from(v.abs() < high);
+            }
+            for (count, v) in lanes.nan.iter_mut().zip(values) {
+                *count += u32::from(v.is_nan());
             }
             for (count, v) in lanes.misses.iter_mut().zip(values) {
                 *count += u32::from(v.abs() >= NO_SURFACE);
@@ -170,6 +179,7 @@ mod tests {
             let statistics = Statistics::of(&plane);
             let count = |of: fn(f32) -> bool| plane.data().iter().filter(|v| of(**v)).count();
             assert_eq!(statistics.non_finite, count(|v| !v.is_finite()), "{width}");
+            assert_eq!(statistics.nan, count(f32::is_nan), "{width}");
             assert_eq!(statistics.misses, count(|v| v.abs() >= NO_SURFACE));
             assert_eq!(statistics.above_one, count(|v| v > 1.0 && v.is_finite()));
             let ends = (values().fold(f32::INFINITY, f32::min), values().fold(f32::NEG_INFINITY, f32::max));

@@ -7,13 +7,14 @@ use exr::meta::attribute::IntegerBounds;
 
 use super::components::Sum;
 use super::decode::ChannelAt;
-use super::halves::merge_halves;
+use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
-use super::region::{Place, write_region};
+use super::region::{Place, numbers, write_region};
 use super::rewrite::{Addition, Replacement, rewrite};
 use super::source::{Held, Source, bands, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
+use super::variance::Noise;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rect, Rgb};
@@ -37,13 +38,18 @@ impl Survey {
     /// As [`Picture::read`](super::Picture::read).
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions, mut look: impl FnMut(&Frame)) -> Result<Self> {
         let (mut survey, _) = Self::of_files(path.as_ref(), options, false)?;
-        let mut differences = survey.no_differences();
+        let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
+        let mut noise = Noise::default();
         let planes = survey.main.layout.roles.iter().map(|role| role.channels.len()).sum();
         for band in bands(survey.size(), planes) {
             let rows = survey.read(band)?;
             survey.add_differences(&mut differences, &rows);
+            survey.add_to(&mut twins, &rows);
+            noise.add(&rows);
             look(&rows);
         }
+        survey.check(&twins)?;
+        survey.layout.warnings.extend(noise.warning());
         let pixel = survey.read(Rect::whole((1, 1)))?; // tells which planes there are
         survey.complete(&pixel, &differences);
         Ok(survey)
@@ -53,8 +59,13 @@ impl Survey {
     pub(super) fn open_whole(path: &Path, options: &ReadOptions) -> Result<(Self, Frame, Option<Plane>)> {
         let (mut survey, held) = Self::of_files(path, options, true)?;
         let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
-        let mut differences = survey.no_differences();
+        let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
+        let mut noise = Noise::default();
         survey.add_differences(&mut differences, &frame);
+        survey.add_to(&mut twins, &frame);
+        noise.add(&frame);
+        survey.check(&twins)?;
+        survey.layout.warnings.extend(noise.warning());
         survey.complete(&frame, &differences);
         Ok((survey, frame, counts))
     }
@@ -65,6 +76,7 @@ impl Survey {
         let (half, half_planes) = match &options.half {
             Some(path) => {
                 let (half, planes) = open(path)?;
+                check_window(&half, &main).map_err(|error| error.in_file(path))?;
                 (Some(half), planes)
             }
             None => (None, None),
@@ -93,8 +105,8 @@ impl Survey {
         let IntegerBounds { position, size } = self.main.window;
         let along = |at: i32, length: usize, from: i32, size: usize| {
             let start = i64::from(at) - i64::from(from);
-            let inside = length > 0 && start >= 0 && start as u64 + length as u64 <= size as u64;
-            inside.then_some(start as usize)
+            let start = usize::try_from(start).ok().filter(|_| length > 0)?;
+            start.checked_add(length).filter(|end| *end <= size).map(|_| start)
         };
         let columns = along(x, width, position.x(), size.width());
         let rows = along(y, height, position.y(), size.height());
@@ -210,6 +222,17 @@ impl Survey {
         Ok((replacements, additions))
     }
 
+    fn add_to(&self, twins: &mut Twins, rows: &Frame) {
+        if self.half.is_some() {
+            twins.add(rows);
+        }
+    }
+
+    fn check(&self, twins: &Twins) -> Result<()> {
+        let file = self.half.as_ref().map_or(Path::new(""), |half| half.documents[0].path());
+        twins.check().map_err(|error| error.in_file(file))
+    }
+
     fn no_differences(&self) -> Vec<Differences> {
         vec![Differences::default(); self.main.sums.len()]
     }
@@ -244,4 +267,15 @@ impl Survey {
             self.layout.sums.push(SumCheck { set: sum.name.to_owned(), layers, before, after: None });
         }
     }
+}
+
+/// Refuses another half whose pixels are not the first's.
+fn check_window(half: &Source, first: &Source) -> Result<()> {
+    if half.window == first.window {
+        return Ok(());
+    }
+    let text = |source: &Source| numbers(source.window).map(|n| n.to_string()).join(",");
+    let what = format!("its data window is {} where the first half's is {}", text(half), text(first));
+    let remedy = "give two renders of the same frame and region with different seeds";
+    Err(Error::new(ErrorKind::Lacking, what).remedy(remedy))
 }

@@ -6,6 +6,7 @@
 use super::channels::VarianceKind;
 use super::statistics::Statistics;
 use crate::error::{Error, ErrorKind, Result};
+use crate::frame::Frame;
 use crate::image::Plane;
 
 /// How many samples a pixel has.
@@ -58,6 +59,39 @@ impl Samples {
             Self::Uniform(n) => Some(*n),
             Self::PerPixel { counts, .. } => Some(counts.data()[i]),
         }
+    }
+}
+
+/// Whether the variance of a varying colour, as it follows from what is stored, is above 0 anywhere. That of a
+/// second moment nothing tells before it is made.
+#[derive(Debug, Default)]
+pub(super) struct Noise {
+    there: bool,
+    above_zero: bool,
+    /// The colour of the first pixel.
+    first: Option<[u32; 3]>,
+    varies: bool,
+}
+
+impl Noise {
+    /// Looks at the next rows.
+    pub(super) fn add(&mut self, rows: &Frame) {
+        let Some(variance) = rows.color_var_of_mean().filter(|_| !self.above_zero) else { return };
+        let color = rows.color();
+        let first = *self.first.get_or_insert(color.each_ref().map(|plane| plane.get(0, 0).to_bits()));
+        self.there = true;
+        self.above_zero = variance.iter().flat_map(Plane::data).any(|v| *v > 0.0);
+        let mut planes = color.iter().zip(first);
+        self.varies |= planes.any(|(plane, first)| plane.data().iter().any(|v| v.to_bits() != first));
+    }
+
+    /// What is to be told of it.
+    pub(super) fn warning(&self) -> Option<String> {
+        (self.there && self.varies && !self.above_zero).then(|| {
+            "variance: what is stored makes it above 0 at no pixel though the colour varies, so it says nothing; \
+             check what it holds (--variance-kind), or do without it by --map variance=none"
+                .to_owned()
+        })
     }
 }
 

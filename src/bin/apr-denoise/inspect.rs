@@ -1,10 +1,11 @@
 //! `--inspect`: what was found and what would be run.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{Deviation, Layout, Picture, RoleLayout, SumCheck};
+use apr::io::{Deviation, Layout, PartLayout, Picture, RoleLayout, SumCheck};
 use serde::Serialize;
 
 use crate::arguments::Arguments;
@@ -124,6 +125,7 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) 
                 part.compression,
                 part.channels.len()
             ));
+            layers_of(part).into_iter().for_each(|layer| line(format!("    {layer}")));
         }
     }
     layout.half.iter().for_each(|half| line(format!("{half}: the other half")));
@@ -140,6 +142,25 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) 
     layout.notes.iter().for_each(|note| line(format!("note: {note}")));
     layout.warnings.iter().for_each(|warning| line(format!("warning: {warning}")));
     text.trim_end().to_owned()
+}
+
+/// A part's channels, those of a layer in one line.
+fn layers_of(part: &PartLayout) -> Vec<String> {
+    let (mut layers, mut places) = (Vec::<(&str, Vec<&str>)>::new(), BTreeMap::new());
+    for channel in &part.channels {
+        let name = channel.rsplit_once(": ").map_or(channel.as_str(), |(name, _)| name);
+        let (layer, component) = name.rsplit_once('.').unwrap_or(("", name));
+        let place = *places.entry(layer).or_insert(layers.len());
+        if place == layers.len() {
+            layers.push((layer, Vec::new()));
+        }
+        layers[place].1.push(component);
+    }
+    let line = |(layer, components): (&str, Vec<&str>)| match (layer, components.join(", ")) {
+        ("", names) => names,
+        (layer, names) => format!("{layer}: {names}"),
+    };
+    layers.into_iter().map(line).collect()
 }
 
 fn role_line(role: &RoleLayout) -> String {

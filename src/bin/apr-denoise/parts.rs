@@ -325,7 +325,8 @@ impl Planes {
         let least = need(LEAST_ROWS.min(target.height));
         if least > bound {
             const MIB: usize = 1 << 20;
-            let what = format!("--memory {}M is too little for this picture", bound / MIB);
+            let given = if bound < MIB { format!("of {bound} bytes") } else { format!("{}M", bound / MIB) };
+            let what = format!("--memory {given} is too little for this picture");
             let remedy = format!("give at least {}M", least.div_ceil(MIB));
             return Err(Error::new(ErrorKind::Usage, what).remedy(remedy));
         }
@@ -367,5 +368,6 @@ mod tests {
         assert_eq!(error.kind(), ErrorKind::Usage);
         assert!(error.to_string().contains(&format!("{}M", least.div_ceil(1 << 20))), "{error}");
         assert_eq!(rows(least), Ok(LEAST_ROWS));
+        assert!(rows(100).unwrap_err().to_string().starts_with("--memory of 100 bytes is too little"));
     }
 }

@@ -108,6 +108,11 @@ impl<'a> Report<'a> {
         }
     }
 
+    /// What the user should know of how it was written, and of what was repaired.
+    pub fn notes(&self) -> Vec<String> {
+        self.notes.iter().cloned().chain(repaired(self.layout, self.summary)).collect()
+    }
+
     /// In one line for people, after one for each set of components.
     pub fn line(&self) -> String {
         let seconds = self.seconds;
@@ -119,6 +124,32 @@ impl<'a> Report<'a> {
             self.output, error.relative_after
         )
     }
+}
+
+/// In one line, the pixels that were no numbers, where there were any.
+fn repaired(layout: &Layout, summary: &Summary) -> Option<String> {
+    let counts = [
+        (summary.repaired_color, "colour"),
+        (summary.repaired_variance, "variances"),
+        (summary.repaired_features, "features"),
+        (summary.repaired_halves, "half buffers"),
+        (summary.repaired_aovs, "components"),
+    ];
+    let told = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} of the {what}"));
+    let told: Vec<String> = told.collect();
+    if told.is_empty() {
+        return None;
+    }
+    let (nan, infinite) = layout
+        .roles
+        .iter()
+        .fold((0, 0), |(nan, infinite), role| (nan + role.nan, infinite + role.non_finite - role.nan));
+    Some(format!(
+        "broken pixels were repaired from their neighbours: {} (in the file {nan} samples are NaN and {infinite} \
+         infinite); {} pixels of the colour are negative and stay so",
+        told.join(", "),
+        summary.negative_color
+    ))
 }
 
 /// The stages that had nothing to do, and why.
@@ -215,10 +246,14 @@ impl ErrorSums {
     }
 }
 
-/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`.
+/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`. NaN
+/// where that is no variance, which the denoiser repairs from the pixels around.
 pub fn input_error(frame: &Frame) -> Option<Plane> {
     if let Some(variance) = frame.color_var_of_mean() {
-        return Some(mean_of_channels(variance));
+        let mut error = mean_of_channels(variance);
+        let bad = |i: usize| variance.iter().any(|plane| plane.data()[i] < 0.0);
+        error.data_mut().par_iter_mut().enumerate().filter(|(i, _)| bad(*i)).for_each(|(_, v)| *v = f32::NAN);
+        return Some(error);
     }
     let [a, b] = frame.halves()?;
     let quarter = |c: usize| move |x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0;

@@ -4,7 +4,7 @@
 //! written; with `--temporal N` also those beside them, 2N + 3 in all. By parts (`--region`, `--memory`) only
 //! the results of two are. The order of the work changes no bit of any result.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -41,8 +41,10 @@ struct Run<'a> {
     /// As they are if the run ends now.
     outcomes: Arc<Mutex<Vec<Outcome>>>,
     errors: Mutex<Vec<(usize, Error)>>,
-    /// Warnings that were given: those of a sequence tend to be the same for every frame.
+    /// Warnings and notes that were given: those of a sequence tend to be the same for every frame.
     warned: Mutex<HashSet<String>>,
+    /// The frame that had a note first, by the note without its numbers: they differ from frame to frame.
+    noted: Mutex<HashMap<String, Option<i32>>>,
 }
 
 /// A frame on its way; the index is its job's.
@@ -72,6 +74,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         outcomes: report_when_stopped(plan, arguments, denoiser, begun),
         errors: Mutex::default(),
         warned: Mutex::default(),
+        noted: Mutex::default(),
     };
     std::thread::scope(|scope| {
         // No place in the channels: who is ahead keeps its frame until the next takes it.
@@ -212,6 +215,7 @@ impl<'a> Run<'a> {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }
         if !self.arguments.quiet {
+            report.notes().iter().for_each(|note| self.note(job, note));
             let needed = sampling.as_ref().and_then(Sampling::line);
             self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
         }
@@ -240,15 +244,24 @@ impl<'a> Run<'a> {
 
     fn warn_of(&self, job: &Job, input: &Input) {
         if !self.arguments.quiet {
-            input.layout().warnings.iter().for_each(|warning| self.warn(job, warning));
+            input.layout().warnings.iter().for_each(|warning| self.tell(job, "warning", warning));
+            input.layout().notes.iter().for_each(|note| self.note(job, note));
         }
     }
 
-    fn warn(&self, job: &Job, warning: &str) {
-        let new = locked(&self.warned).insert(warning.to_owned());
+    /// Tells a note, unless it was told of an earlier frame.
+    fn note(&self, job: &Job, note: &str) {
+        let kind = note.replace(|c: char| c.is_ascii_digit(), "");
+        if *locked(&self.noted).entry(kind).or_insert(job.frame) == job.frame {
+            self.tell(job, "note", note);
+        }
+    }
+
+    fn tell(&self, job: &Job, kind: &str, words: &str) {
+        let new = locked(&self.warned).insert(words.to_owned());
         if new {
             let place = job.frame.map_or(String::new(), |_| format!("{}: ", job.label()));
-            self.progress.aside(|| complain(&format!("warning: {place}{warning}")));
+            self.progress.aside(|| complain(&format!("{kind}: {place}{words}")));
         }
     }
 }
