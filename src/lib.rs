@@ -3,13 +3,14 @@
 //!
 //! A [`Frame`] goes in, a [`Denoised`] comes out, and [`denoise()`] is the pipeline:
 //!
-//! 1. repair NaN and infinities, bring the picture to a known exposure;
+//! 1. repair NaN and infinities, bring the picture to a known exposure, estimate its noise where none is given;
 //! 2. take outliers out and remember their energy;
 //! 3. filter noisy features;
 //! 4. around sparse centres fit a polynomial in pixel position plus a linear function of the features, by
-//!    weights that compare the noisy colours; judge every order by its estimated risk;
+//!    weights that compare noisy colours and features; judge every order by its estimated risk;
 //! 5. average the overlapping fits by that risk;
-//! 6. again, with the result as the witness of bias (every stage fits the noisy data);
+//! 6. again, with the result as the witness of bias (every stage fits the noisy data), and once more at half the
+//!    resolution, for blotches as large as a window;
 //! 7. restore what the residual shows to be lost, give the outliers' energy back.
 //!
 //! The features of this crate are `cli` (the three programs, on by default), `report` (pictures and pages about

@@ -118,7 +118,8 @@ pub enum OrderChoice {
     Hard,
     /// All orders, weighted by exp(−2 (ξ_k / ξ_min − 1)).
     Soft,
-    /// Every orthonormal component is shrunk by its own signal-to-noise ratio.
+    /// Every orthonormal component is shrunk by its own signal-to-noise ratio; in the first stage, which has no pilot
+    /// to tell it, as `Soft`.
     Shrink,
     /// The order with the least residual, no risk asked: the highest that the window's columns allow.
     Residual,

@@ -10,8 +10,8 @@
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
 //! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
-//! | variance | smoothing + what outliers look | estimated over 9×9 pixels at most, outliers replaced |
-//! | outliers | 4 + their radius, or w | their neighbours' variance, a window's light |
+//! | variance | smoothing + what outliers look | estimated over 7×7 pixels at most, outliers replaced |
+//! | outliers | 3 + their radius, or w | their neighbours' variance, a window's light |
 //! | where nothing tells it | 2 + a stage of fits | a mean of what those leave |
 //! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
 //! | repair | 16 | from the rim of what is broken |

@@ -2,8 +2,9 @@
 //!
 //! Around a pixel the residual y − ŷ should hold no more energy than the noise, N = Σ σ². Where it holds
 //! more, S = Σ (y − ŷ)² > N, the reconstruction has lost something, and the positive-part James–Stein
-//! estimate ŷ + max(0, 1 − N/S)(y − ŷ) has less risk than y itself wherever ŷ comes from. So the result
-//! converges to the truth as samples are added, and detail that no feature knows survives.
+//! estimate ŷ + max(0, 1 − N/S)(y − ŷ) has less risk than y itself if ŷ is independent of y. It is not quite: it
+//! was fitted to y, and has taken some of the noise out of the residual, so that S is too small rather than too large.
+//! So the result converges to the truth as samples are added, and detail that no feature knows survives.
 //!
 //! `[choice]` N is taken for larger than it is by a margin, so that chance alone gives nothing back.
 

@@ -17,7 +17,7 @@ const ESTIMATE_RADIUS: usize = 3;
 const HIGH_PASS_RADIUS: usize = 1;
 
 /// How far around a pixel the first estimate looks: means over half buffers look farther than the high-pass.
-pub const REACH: usize = ESTIMATE_RADIUS + 1;
+pub const REACH: usize = ESTIMATE_RADIUS;
 
 /// Radius over which squared residuals are averaged. `[choice]` against 2: 1 ×1.35, 3 ×1.2.
 pub const RESIDUAL_RADIUS: usize = 2;

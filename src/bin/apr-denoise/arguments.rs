@@ -16,7 +16,8 @@ use crate::plan::Job;
 /// Denoise a Monte Carlo render.
 ///
 /// Reads an OpenEXR file of any renderer, denoises its beauty with whatever variances, half buffers
-/// and features it finds, and writes the file again: only the beauty's channels change.
+/// and features it finds, and writes the file again: only the beauty's channels change, those that --aov names,
+/// and --aux adds layers.
 ///
 /// A sequence is denoised by names with a place for the frame's number, such as shot.####.exr,
 /// shot.%04d.exr, shot.$F4.exr or shot.<frame4>.exr (in quotes, so that the shell leaves them alone).
@@ -110,8 +111,8 @@ pub struct Arguments {
     #[arg(long, help_heading = "Sequences")]
     pub keep_going: bool,
     /// Let the samples of up to N frames before and N after join each frame's: less noise, less flicker.
-    /// They are found by motion vectors where the files have them, else nothing is taken to move but the
-    /// light. Frames beside that have no file are done without.
+    /// They are found by motion vectors where the files have them, otherwise surfaces are assumed still.
+    /// Neighbouring frames without a file are left out.
     #[arg(
         long,
         value_name = "N",
@@ -128,8 +129,9 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME", value_parser = renderer(), help_heading = "Channels")]
     pub profile: Option<Renderer>,
     /// Give channels a role, against what the channel map says. ROLE is color, variance, halfA, halfB,
-    /// sampleCount, albedo, normal, position, depth, visibility, or a feature's name followed by
-    /// Variance, HalfA or HalfB. CHANNELS is a list of channels, a layer, or none.
+    /// sampleCount, albedo, normal, position, depth, visibility, motionPrevious, motionNext, motionCycles, or a
+    /// feature's name followed by Variance, HalfA or HalfB. CHANNELS is a list of channels, a layer, a part or a
+    /// view, or none.
     #[arg(long, value_name = "ROLE=CHANNELS", help_heading = "Channels")]
     pub map: Vec<Mapping>,
     /// Add a further feature.
@@ -146,10 +148,10 @@ pub struct Arguments {
     /// The same frame (or pattern) rendered with another seed: both become the halves of one render.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub half: Option<PathBuf>,
-    /// What variance buffers hold, where the channel map does not know.
+    /// What variance buffers hold; overrides what the renderer's names say.
     #[arg(long, value_name = "KIND", value_parser = variance_kind(), help_heading = "Channels")]
     pub variance_kind: Option<VarianceKind>,
-    /// Samples per pixel, where the header lacks it.
+    /// Samples per pixel; overrides the header.
     #[arg(long, value_name = "N", value_parser = positive, help_heading = "Channels")]
     pub spp: Option<f32>,
 
@@ -159,7 +161,8 @@ pub struct Arguments {
     /// Start from this set of options; published is the method as its paper has it.
     #[arg(long, value_name = "NAME", value_parser = preset(), help_heading = "Denoiser")]
     pub preset: Option<Preset>,
-    /// Set one option of the method; VALUE is JSON, KEY may go into depth with dots.
+    /// Set one option of the method; VALUE is JSON, KEY may go into depth with dots, as in
+    /// outliers.deviations=10. --preset comes first, then --options, then --set in its order.
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
     pub set: Vec<String>,
     /// Read options of the method from a JSON object.

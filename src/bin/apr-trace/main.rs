@@ -27,7 +27,7 @@ use progress::Progress;
 
 /// Path tracer that makes the denoiser's inputs and references.
 #[derive(Debug, Parser)]
-#[command(version, about)]
+#[command(name = "apr-trace", version)]
 struct Args {
     /// The scene, a JSON file (docs/SCENES.md describes every field).
     scene: PathBuf,
@@ -77,7 +77,7 @@ struct Args {
     #[arg(long, value_name = "E", requires = "adaptive", allow_negative_numbers = true)]
     target_error: Option<f32>,
     /// Seconds between checkpoints.
-    #[arg(long, default_value_t = 30.0, requires = "reference")]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
     /// Threads to use; all cores by default. The picture does not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
