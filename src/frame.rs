@@ -357,7 +357,7 @@ pub struct Summary {
     pub repaired_aovs: usize,
     /// Outliers that were taken out before the fit.
     pub outliers: usize,
-    /// Energy (sum of the channels) taken out with them and given back after the fit.
+    /// Energy of each channel taken out with them, to be given back after the fit.
     pub energy_moved: [f64; 3],
     /// Centres fitted, over all stages and candidates.
     pub centres: usize,

@@ -48,7 +48,8 @@ pub fn find(
     let (width, height) = color[0].size();
     let intensity = mean_of_channels(color);
     let light = smooth(&intensity, options.window_radius);
-    let pixels = (2 * options.window_radius + 1).pow(2) as f32;
+    let radius = options.window_radius;
+    let pixels = |at: usize, limit: usize| (at + radius + 1).min(limit) - at.saturating_sub(radius);
     let deviation = Plane::par_from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
         let own = variance.map_or(0.0, |v| v.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0);
@@ -62,6 +63,7 @@ pub fn find(
         .into_par_iter()
         .map_init(Vec::new, |neighbours, y| {
             let judge = |x| {
+                let pixels = (pixels(x, width) * pixels(y, height)) as f32;
                 let least = options.outliers.share * pixels * light.get(x, y);
                 let most = if vouched { OWN_DEVIATIONS * deviation.get(x, y) } else { f32::INFINITY };
                 judge(&intensity, &deviation, (x, y), [least, most], neighbours, &options.outliers)

@@ -122,12 +122,14 @@ fn sharpness(planes: &[Plane], spread: Spread) -> Plane {
     Plane::par_from_fn(width, height, |x, y| {
         let columns = [x.saturating_sub(1), (x + 1).min(width - 1)];
         let rows = [y.saturating_sub(1), (y + 1).min(height - 1)];
-        let slope = planes.iter().map(|plane| {
-            let across = columns.map(|x| plane.get(x, y));
-            let down = rows.map(|y| plane.get(x, y));
-            (across[1] - across[0]).powi(2) + (down[1] - down[0]).powi(2)
+        let slope = |values: [f32; 2], [from, to]: [usize; 2]| {
+            ((values[1] - values[0]) / (to - from).max(1) as f32).powi(2) // a step of one at the border
+        };
+        let slopes = planes.iter().map(|plane| {
+            let across = slope(columns.map(|x| plane.get(x, y)), columns);
+            across + slope(rows.map(|y| plane.get(x, y)), rows)
         });
-        (0.25 * slope.sum::<f32>()).max(TOLERANCE * variance(x, y)).max(f32::MIN_POSITIVE).recip()
+        slopes.sum::<f32>().max(TOLERANCE * variance(x, y)).max(f32::MIN_POSITIVE).recip()
     })
 }
 

@@ -16,7 +16,7 @@ pub fn print(text: &str) -> Result<()> {
 /// Answers with `bytes` on the standard output.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn write(bytes: &[u8]) -> Result<()> {
     let mut out = std::io::stdout().lock();
     match out.write_all(bytes).and_then(|()| out.flush()) {

@@ -19,8 +19,9 @@ use crate::shot::Shot;
 /// Fewest rows of a band: less would be nearly nothing but halo.
 const LEAST_ROWS: usize = 32;
 
-/// Rows that outliers are looked for in at once.
-const OUTLIER_ROWS: usize = 64;
+/// Rows that outliers are looked for in at once: with some thirty on both sides fewer than any band is read with, and
+/// many times those, which are read twice.
+const OUTLIER_ROWS: usize = 256;
 
 /// What the program holds besides planes: its code, blocks of files on their way, what the allocator keeps.
 const FIXED_BYTES: usize = 350 << 20;
