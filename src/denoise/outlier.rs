@@ -160,15 +160,22 @@ mod tests {
 
     #[test]
     fn what_a_window_averages_out_by_itself_stays() {
-        let outliers = |share: f32, one_in: usize| {
-            let color = grey(|x, y| if (x * 5 + y * 7 + 3) % one_in == 3 { 60.0 } else { 1.0 });
-            let variance = color.each_ref().map(|c| Plane::from_fn(12, 9, |x, y| c.get(x, y).powi(2) / 9.0));
+        let size = (31, 25);
+        let outliers = |share: f32, bright: fn(usize, usize) -> bool| {
+            let color = Plane::from_fn(size.0, size.1, |x, y| if bright(x, y) { 40.0 } else { 1.0 });
+            let variance = Plane::from_fn(size.0, size.1, |x, y| color.get(x, y).powi(2) / 9.0);
+            let [color, variance] = [color, variance].map(|plane| std::array::from_fn(|_| plane.clone()));
             let outliers = OutlierOptions { deviations: 5.0, share, ..OutlierOptions::default() };
-            find(&color, Some(&variance), None, &Options { outliers, ..Options::default() }).len()
+            find(&color, Some(&variance), None, &Options { outliers, ..Options::default() })
         };
-        // A bright pixel by itself has a seventh of the light of a window, one of every 31 a fourteenth.
-        assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, 1000)), [1, 1, 0]);
-        assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, 31) > 0), [true, false, false]);
+        // A bright pixel by itself has a seventh of the light of a window, one of every 31 a thirteenth.
+        let lone = |x, y| (x, y) == (15, 12);
+        assert_eq!([0.0, 0.1, 0.2].map(|share| outliers(share, lone).len()), [1, 1, 0]);
+        let crowd = |x, y| (x * 5 + y * 7) % 31 == 3;
+        let inside = |o: &Outlier| (7..24).contains(&o.x) && (7..18).contains(&o.y);
+        assert_eq!([0.0, 0.1].map(|share| outliers(share, crowd).iter().any(inside)), [true, false]);
+        // In a corner there are fewer pixels to average it out.
+        assert_eq!(outliers(0.2, |x, y| (x, y) == (0, 0)).len(), 1);
     }
 
     #[test]
