@@ -12,8 +12,11 @@
 //!
 //! `[choice]` the paper's "computed standard deviation" is read as the neighbours' *and* the pixel's
 //! own must admit that the pixel is a chance event: by the neighbours alone a highlight that every
-//! sample saw is flattened: fine foliage at 256 spp went from relMSE 0.0024, the input's, to 0.0070. With half buffers, half their difference is a second
-//! witness of the pixel's own deviation: a firefly sits in one half only.
+//! sample saw is flattened: fine foliage at 256 spp went from relMSE 0.0024, the input's, to 0.0070. With
+//! half buffers, half their difference is a second witness of the pixel's own deviation: a firefly sits in one
+//! half only. Without a variance of its own and without halves nothing vouches for a pixel, and its neighbours
+//! differ by what they differ: relMSE ×0.96, ×0.96, ×1.01 (five scenes without variances at 16, 64, 256 spp) and
+//! ×0.98, ×1.00, ×1.00 (thirteen others), and fireflies go at all.
 
 use super::variance::smooth;
 use crate::image::{Plane, Rgb, mean_of_channels};

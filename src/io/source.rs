@@ -512,9 +512,11 @@ fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBound
 
 fn note_components(found: &[String], remarks: &mut Remarks) {
     if !found.is_empty() {
+        let mut told = BTreeSet::new(); // one may be of several sums
+        let names: Vec<&str> = found.iter().map(String::as_str).filter(|name| told.insert(*name)).collect();
         remarks.notes.push(format!(
-            "'{}' pass through as they are; --aov auto denoises them with the beauty, so that they sum to it",
-            found.join("', '")
+            "passing through as they are: '{}'; --aov auto denoises them with the beauty, so that they sum to it",
+            names.join("', '")
         ));
     }
 }
