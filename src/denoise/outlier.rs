@@ -18,7 +18,7 @@
 //! differ by what they differ: relMSE ×0.96, ×0.96, ×1.01 (five scenes without variances at 16, 64, 256 spp) and
 //! ×0.98, ×1.00, ×1.00 (thirteen others), and fireflies go at all.
 
-use super::variance::smooth;
+use super::variance::{around, smooth};
 use crate::image::{Plane, Rgb, mean_of_channels};
 use crate::options::{Options, OutlierOptions};
 use rayon::prelude::*;
@@ -50,9 +50,8 @@ pub fn find(
 ) -> Vec<Outlier> {
     let (width, height) = color[0].size();
     let intensity = mean_of_channels(color);
-    let light = smooth(&intensity, options.window_radius);
     let radius = options.window_radius;
-    let pixels = |at: usize, limit: usize| (at + radius + 1).min(limit) - at.saturating_sub(radius);
+    let light = smooth(&intensity, radius);
     let deviation = Plane::par_from_fn(width, height, |x, y| {
         // The channels share their samples: their deviations add, not their variances.
         let own = variance.map_or(0.0, |v| v.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>() / 3.0);
@@ -66,7 +65,7 @@ pub fn find(
         .into_par_iter()
         .map_init(Vec::new, |neighbours, y| {
             let judge = |x| {
-                let pixels = (pixels(x, width) * pixels(y, height)) as f32;
+                let pixels = (around(x, radius, width).len() * around(y, radius, height).len()) as f32;
                 let least = options.outliers.share * pixels * light.get(x, y);
                 let most = if vouched { OWN_DEVIATIONS * deviation.get(x, y) } else { f32::INFINITY };
                 judge(&intensity, &deviation, (x, y), [least, most], neighbours, &options.outliers)
@@ -93,8 +92,8 @@ fn judge(
     let own = intensity.get(x, y);
     let mut brighter = 0;
     neighbours.clear();
-    for ny in y.saturating_sub(options.radius)..(y + options.radius + 1).min(height) {
-        for nx in x.saturating_sub(options.radius)..(x + options.radius + 1).min(width) {
+    for ny in around(y, options.radius, height) {
+        for nx in around(x, options.radius, width) {
             if (nx, ny) != (x, y) {
                 let other = intensity.get(nx, ny);
                 brighter += usize::from(other >= own);

@@ -6,7 +6,8 @@
 //! slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture, of a
 //! depth at most its square: mountains far behind do not blur what is near. `[choice]` three layers 2 apart with a
 //! quarter of the picture at depth 8, 50 and 200: error 0.0225 each, 0.0225, 0.0277 and 0.0319 without; a quarter of
-//! the square is relMSE ×1.005 on thirteen scenes. What weights are made of is the larger one of this and the colour's, each over its own bandwidth squared.
+//! the square is relMSE ×1.005 on thirteen scenes. What weights are made of is the larger one of this and the
+//! colour's, each over its own bandwidth squared.
 //!
 //! The idea is that of Rousselle, Manzi, Zwicker 2013, the tolerances are ours. `[choice]` against distances of
 //! colour alone: relMSE ×0.98 on five scenes, ×0.99 on thirteen others, the most at 16 spp and along edges of

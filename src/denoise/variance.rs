@@ -130,7 +130,7 @@ pub fn smooth(plane: &Plane, radius: usize) -> Plane {
 }
 
 /// The places within `radius` of `at` among `n`.
-fn around(at: usize, radius: usize, n: usize) -> Range<usize> {
+pub fn around(at: usize, radius: usize, n: usize) -> Range<usize> {
     at.saturating_sub(radius)..(at + radius + 1).min(n)
 }
 

@@ -4,7 +4,7 @@
 //! noise stays that of single pixels and independent between them. What differs by a part of a pixel the
 //! other frame's own features explain to the fit.
 
-use super::variance::smooth;
+use super::variance::{around, smooth};
 use crate::frame::FeatureKind;
 use crate::image::{Plane, Rgb};
 
@@ -132,8 +132,7 @@ pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [
         seen(x, y) * (deviation(noise, x, y) + deviation(its_noise, x, y))
     });
     let (difference, variance) = (smooth(&difference, LIGHT_RADIUS), smooth(&variance, LIGHT_RADIUS));
-    let pixels =
-        |at: usize, limit: usize| (at + LIGHT_RADIUS + 1).min(limit) - at.saturating_sub(LIGHT_RADIUS);
+    let pixels = |at: usize, limit: usize| around(at, LIGHT_RADIUS, limit).len();
     Plane::par_from_fn(width, height, |x, y| {
         // With sums over the trusted pixels z² = (Σ d)²/Σ σ², whose means over n pixels these are.
         let count = (pixels(x, width) * pixels(y, height)) as f32;

@@ -1,6 +1,7 @@
 //! Two renders of one frame as the halves of one.
 
 use super::assemble::rgb;
+use super::statistics::Variation;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Aov, Feature, Frame};
 use crate::image::Plane;
@@ -53,21 +54,16 @@ pub(super) fn merge_halves(a: &Frame, b: &Frame) -> Result<Frame> {
 #[derive(Debug, Default)]
 pub(super) struct Twins {
     differ: bool,
-    /// The colour of the first pixel.
-    first: Option<[u32; 3]>,
-    varies: bool,
+    color: Variation,
 }
 
 impl Twins {
     /// Looks at the next rows of a frame with the two as its halves.
     pub(super) fn add(&mut self, rows: &Frame) {
         let Some([a, b]) = rows.halves().filter(|_| !self.differ) else { return };
-        let first = *self.first.get_or_insert(a.each_ref().map(|plane| plane.get(0, 0).to_bits()));
-        for ((a, b), first) in a.iter().zip(b).zip(first) {
-            let mut bits = a.data().iter().zip(b.data()).map(|(a, b)| (a.to_bits(), b.to_bits()));
-            self.differ |= bits.clone().any(|(a, b)| a != b);
-            self.varies |= bits.any(|(a, _)| a != first);
-        }
+        let mut pairs = a.iter().zip(b).flat_map(|(a, b)| a.data().iter().zip(b.data()));
+        self.differ = pairs.any(|(a, b)| a.to_bits() != b.to_bits());
+        self.color.add(a);
     }
 
     /// Refuses the same noise twice: it would pass for no noise at all. Where the colour is the same at every
@@ -76,7 +72,7 @@ impl Twins {
     /// # Errors
     /// `Lacking` when all values are equal.
     pub(super) fn check(&self) -> Result<()> {
-        if self.differ || !self.varies {
+        if self.differ || !self.color.varies {
             return Ok(());
         }
         Err(Error::new(

@@ -298,6 +298,11 @@ pub(super) fn numbers(bounds: IntegerBounds) -> [i64; 4] {
     [position.x().into(), position.y().into(), size.width() as i64, size.height() as i64]
 }
 
+/// For messages, as `--region` has it.
+pub(super) fn told(bounds: IntegerBounds) -> String {
+    numbers(bounds).map(|number| number.to_string()).join(",")
+}
+
 /// The opposite of [`numbers`], as far as there are such pixels.
 pub(super) fn bounds([x, y, width, height]: [i64; 4]) -> Option<IntegerBounds> {
     let position = Vec2(i32::try_from(x).ok()?, i32::try_from(y).ok()?);

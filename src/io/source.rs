@@ -19,7 +19,7 @@ use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, Target, find, target};
 use super::picture::ReadOptions;
 use super::recognize::{detect, layers, samples_in};
-use super::region::numbers;
+use super::region::{numbers, told};
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
 use super::siblings::{buffers_beside, is_buffer};
 use super::statistics::Statistics;
@@ -442,12 +442,8 @@ fn check_windows(documents: &[Document], choices: &[Choice], window: IntegerBoun
     for channel in channels {
         let other = documents[channel.file].headers()[channel.at.part].data_window();
         if !covers(other, window) {
-            let text = |bounds| numbers(bounds).map(|n| n.to_string()).join(",");
-            let what = format!(
-                "its data window {} does not cover that of the picture, {}",
-                text(other),
-                text(window)
-            );
+            let [other, window] = [other, window].map(told);
+            let what = format!("its data window {other} does not cover that of the picture, {window}");
             return Err(Error::new(ErrorKind::Lacking, what)
                 .remedy("give a file of the same frame and region")
                 .in_channel(full_names(documents, *channel).swap_remove(0))
@@ -482,12 +478,12 @@ fn leave_out_variances(
         let all_zero = choice.target.role == Role::Color && varies && most().all(|most| most <= 0.0);
         is_variance && (most().any(|most| most < 0.0) || (all_zero && most().next().is_some()))
     };
-    let (left_out, kept) = std::mem::take(choices).into_iter().partition(says_nothing);
+    let (left_out, kept): (Vec<_>, _) = std::mem::take(choices).into_iter().partition(says_nothing);
     *choices = kept;
-    for choice in left_out as Vec<Choice> {
+    for choice in left_out {
         let negative = choice.channels.iter().filter_map(range).any(|(_, most)| most < 0.0);
-        let mut names: Vec<String> = Vec::new();
-        choice.channels.iter().for_each(|channel| names.push(told_name(documents, *channel)));
+        let mut names: Vec<String> =
+            choice.channels.iter().map(|channel| told_name(documents, *channel)).collect();
         names.dedup();
         let why =
             if negative { "below 0 at every pixel" } else { "0 at every pixel though the colour varies" };

@@ -1,7 +1,7 @@
 //! What the numbers of a channel come to, over the whole picture.
 
 use super::bounds::{NO_SURFACE, is_above_one};
-use crate::image::Plane;
+use crate::image::{Plane, Rgb};
 
 /// Of the rows that were added so far. Summed row by row, so that it does not depend on how many are added
 /// at once.
@@ -163,6 +163,23 @@ fn lower<const N: usize>(ends: &mut [f32; N], values: [f32; N]) {
 fn raise<const N: usize>(ends: &mut [f32; N], values: [f32; N]) {
     for (end, v) in ends.iter_mut().zip(values) {
         *end = if v > *end { v } else { *end };
+    }
+}
+
+/// Whether a colour is the same at every pixel, by its bits, as far as its rows were looked at.
+#[derive(Debug, Default)]
+pub(super) struct Variation {
+    /// The colour of the first pixel.
+    first: Option<[u32; 3]>,
+    pub(super) varies: bool,
+}
+
+impl Variation {
+    /// Looks at the next rows.
+    pub(super) fn add(&mut self, color: &Rgb) {
+        let first = *self.first.get_or_insert(color.each_ref().map(|plane| plane.get(0, 0).to_bits()));
+        let mut planes = color.iter().zip(first);
+        self.varies |= planes.any(|(plane, first)| plane.data().iter().any(|v| v.to_bits() != first));
     }
 }
 

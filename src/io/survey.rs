@@ -10,7 +10,7 @@ use super::decode::ChannelAt;
 use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
-use super::region::{Place, numbers, write_region};
+use super::region::{Place, told, write_region};
 use super::rewrite::{Addition, Replacement, rewrite};
 use super::source::{Held, Source, bands, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
@@ -28,6 +28,14 @@ pub struct Survey {
     signature: Option<String>,
 }
 
+/// What all rows together show.
+struct Seen {
+    /// Of the components that were added up, for each sum.
+    differences: Vec<Differences>,
+    twins: Twins,
+    noise: Noise,
+}
+
 /// The planes of one file or two.
 type BothHeld = (Held, Option<Held>);
 
@@ -38,20 +46,15 @@ impl Survey {
     /// As [`Picture::read`](super::Picture::read).
     pub fn open(path: impl AsRef<Path>, options: &ReadOptions, mut look: impl FnMut(&Frame)) -> Result<Self> {
         let (mut survey, _) = Self::of_files(path.as_ref(), options, false)?;
-        let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
-        let mut noise = Noise::default();
+        let mut seen = survey.nothing_seen();
         let planes = survey.main.layout.roles.iter().map(|role| role.channels.len()).sum();
         for band in bands(survey.size(), planes) {
             let rows = survey.read(band)?;
-            survey.add_differences(&mut differences, &rows);
-            survey.add_to(&mut twins, &rows);
-            noise.add(&rows);
+            survey.see(&rows, &mut seen);
             look(&rows);
         }
-        survey.check(&twins)?;
-        survey.layout.warnings.extend(noise.warning());
         let pixel = survey.read(Rect::whole((1, 1)))?; // tells which planes there are
-        survey.complete(&pixel, &differences);
+        survey.complete(&pixel, &seen)?;
         Ok(survey)
     }
 
@@ -59,14 +62,9 @@ impl Survey {
     pub(super) fn open_whole(path: &Path, options: &ReadOptions) -> Result<(Self, Frame, Option<Plane>)> {
         let (mut survey, held) = Self::of_files(path, options, true)?;
         let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
-        let (mut differences, mut twins) = (survey.no_differences(), Twins::default());
-        let mut noise = Noise::default();
-        survey.add_differences(&mut differences, &frame);
-        survey.add_to(&mut twins, &frame);
-        noise.add(&frame);
-        survey.check(&twins)?;
-        survey.layout.warnings.extend(noise.warning());
-        survey.complete(&frame, &differences);
+        let mut seen = survey.nothing_seen();
+        survey.see(&frame, &mut seen);
+        survey.complete(&frame, &seen)?;
         Ok((survey, frame, counts))
     }
 
@@ -222,32 +220,33 @@ impl Survey {
         Ok((replacements, additions))
     }
 
-    fn add_to(&self, twins: &mut Twins, rows: &Frame) {
+    fn nothing_seen(&self) -> Seen {
+        let differences = vec![Differences::default(); self.main.sums.len()];
+        Seen { differences, twins: Twins::default(), noise: Noise::default() }
+    }
+
+    /// Looks at the next rows.
+    fn see(&self, rows: &Frame, seen: &mut Seen) {
         if self.half.is_some() {
-            twins.add(rows);
+            seen.twins.add(rows);
         }
-    }
-
-    fn check(&self, twins: &Twins) -> Result<()> {
-        let file = self.half.as_ref().map_or(Path::new(""), |half| half.documents[0].path());
-        twins.check().map_err(|error| error.in_file(file))
-    }
-
-    fn no_differences(&self) -> Vec<Differences> {
-        vec![Differences::default(); self.main.sums.len()]
-    }
-
-    fn add_differences(&self, differences: &mut [Differences], rows: &Frame) {
-        for (differences, sum) in differences.iter_mut().zip(&self.main.sums) {
+        seen.noise.add(rows);
+        for (differences, sum) in seen.differences.iter_mut().zip(&self.main.sums) {
             let addends = sum.addends.iter().map(|&i| rows.aovs()[i].color.each_ref());
             differences.add(rows.color().each_ref(), &addends.collect::<Vec<_>>());
         }
     }
 
     /// Adds to the layout what the frames showed, of which `frame` is one.
-    fn complete(&mut self, frame: &Frame, differences: &[Differences]) {
+    ///
+    /// # Errors
+    /// `Lacking` when both halves are the same render.
+    fn complete(&mut self, frame: &Frame, seen: &Seen) -> Result<()> {
+        let half = self.half.as_ref().map_or(Path::new(""), |half| half.documents[0].path());
+        seen.twins.check().map_err(|error| error.in_file(half))?;
+        self.layout.warnings.extend(seen.noise.warning());
         self.layout.complete(frame);
-        for (sum, differences) in self.main.sums.iter().zip(differences) {
+        for (sum, differences) in self.main.sums.iter().zip(&seen.differences) {
             let before = differences.deviation();
             let layers: Vec<String> = sum.addends.iter().map(|&i| frame.aovs()[i].name.clone()).collect();
             let (set, names) = (sum.name, layers.join("' + '"));
@@ -266,6 +265,7 @@ impl Survey {
             }
             self.layout.sums.push(SumCheck { set: sum.name.to_owned(), layers, before, after: None });
         }
+        Ok(())
     }
 }
 
@@ -274,8 +274,8 @@ fn check_window(half: &Source, first: &Source) -> Result<()> {
     if half.window == first.window {
         return Ok(());
     }
-    let text = |source: &Source| numbers(source.window).map(|n| n.to_string()).join(",");
-    let what = format!("its data window is {} where the first half's is {}", text(half), text(first));
+    let [here, there] = [half, first].map(|source| told(source.window));
+    let what = format!("its data window is {here} where the first half's is {there}");
     let remedy = "give two renders of the same frame and region with different seeds";
     Err(Error::new(ErrorKind::Lacking, what).remedy(remedy))
 }

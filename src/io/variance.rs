@@ -4,7 +4,7 @@
 //! overflow) are left for the denoiser's first stage to replace and count.
 
 use super::channels::VarianceKind;
-use super::statistics::Statistics;
+use super::statistics::{Statistics, Variation};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 use crate::image::Plane;
@@ -68,26 +68,21 @@ impl Samples {
 pub(super) struct Noise {
     there: bool,
     above_zero: bool,
-    /// The colour of the first pixel.
-    first: Option<[u32; 3]>,
-    varies: bool,
+    color: Variation,
 }
 
 impl Noise {
     /// Looks at the next rows.
     pub(super) fn add(&mut self, rows: &Frame) {
         let Some(variance) = rows.color_var_of_mean().filter(|_| !self.above_zero) else { return };
-        let color = rows.color();
-        let first = *self.first.get_or_insert(color.each_ref().map(|plane| plane.get(0, 0).to_bits()));
         self.there = true;
         self.above_zero = variance.iter().flat_map(Plane::data).any(|v| *v > 0.0);
-        let mut planes = color.iter().zip(first);
-        self.varies |= planes.any(|(plane, first)| plane.data().iter().any(|v| v.to_bits() != first));
+        self.color.add(rows.color());
     }
 
     /// What is to be told of it.
     pub(super) fn warning(&self) -> Option<String> {
-        (self.there && self.varies && !self.above_zero).then(|| {
+        (self.there && self.color.varies && !self.above_zero).then(|| {
             "variance: what is stored makes it above 0 at no pixel though the colour varies, so it says nothing; \
              check what it holds (--variance-kind), or do without it by --map variance=none"
                 .to_owned()

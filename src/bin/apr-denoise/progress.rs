@@ -133,8 +133,9 @@ impl FrameProgress<'_> {
     }
 }
 
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner) // numbers cannot be left half-changed
+/// What `mutex` guards, which a panic cannot leave half-changed: each change is one step.
+pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Where a stage ends, in per cent of the frame: by experience nearly all of it is fitting.

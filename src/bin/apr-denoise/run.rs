@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use apr::baseline::Denoiser;
@@ -20,7 +20,7 @@ use crate::clock::{Clock, memory};
 use crate::failure::caught;
 use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
-use crate::progress::{self, Progress};
+use crate::progress::{self, Progress, locked};
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
@@ -123,10 +123,6 @@ fn report_when_stopped(
         });
     }
     outcomes
-}
-
-fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner) // each change is one step
 }
 
 impl<'a> Run<'a> {
