@@ -5,26 +5,18 @@
 //! takes αE/n from it: its priority. A round's samples go where the priority is highest until all that
 //! got any have the same, which is n_i = (E_i n_i^α)^{1/(1+α)}·λ with the one λ that spends the budget.
 //!
-//! `[choice]` the paper ranks by the reconstruction's own risk ξ/(ŷ² + ε). That risk is the fits', and too
-//! sure of itself where they are wrong. Its geometric mean with the input's relative noise ranks pixels
-//! better: predicted error after 32 instead of 8 samples against uniform ones, geometric mean over
-//! the 13 shipped scenes at 160×120, 0.70 by the risk alone, 0.78 by the noise alone, 0.67 by both. A fixed
-//! share of it, `CALIBRATION`, is within a factor of 2 of the true error (one standard deviation over
-//! the scenes, at 8 and at 32 samples), where the risk is within a factor of 3.4 to 4.2.
+//! E is the denoiser's own estimate of its error. The paper ranks by the fits' risk ξ/(ŷ² + ε), which is too sure of itself
+//! where the fits are wrong; its geometric mean with the input's noise was better, the estimate of
+//! [`crate::denoise`] is better than both: ADAPT
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Denoised, Frame};
-use crate::image::{Plane, Rgb};
+use crate::frame::Denoised;
+use crate::image::Plane;
 
 /// Keeps relative errors finite in the dark: the value of relMSE.
 const EPSILON: f32 = 0.01;
 
-/// The true error's share of the geometric mean of risk and noise. `[choice]` measured: 1/4.3 to 1/5.8 at 8
-/// and 32 samples, with the default denoiser and with the one that adaptive rendering uses.
-const CALIBRATION: f32 = 0.2;
-
-/// Radius over which risk and noise are averaged: a pixel's own noise is as noisy as the pixel.
-/// `[choice]` 1 to 3 differ by 1 %, 5 is 3 % worse.
+/// Radius over which relative errors are averaged. `[choice]` 1 to 3 differ by 1 %, 5 is 3 % worse.
 const RADIUS: usize = 2;
 
 /// Options of the allocation.
@@ -49,28 +41,14 @@ impl Default for SamplingOptions {
     }
 }
 
-/// The estimated relative squared error (as in relMSE, ε = 0.01) of every pixel of `denoised`, which was
-/// made of `frame`. Finite and ≥ 0, whatever the frame holds. Without a variance or halves in the
-/// frame it is the denoiser's own risk alone.
-pub fn relative_error(frame: &Frame, denoised: &Denoised) -> Plane {
-    let relative = |of: &(dyn Fn(usize, usize, usize) -> f32 + Sync)| {
-        let (width, height) = denoised.mse.size();
-        Plane::par_from_fn(width, height, |x, y| {
-            let share = |c: usize| of(c, x, y) / (denoised.color[c].get(x, y).powi(2) + EPSILON);
-            (share(0) + share(1) + share(2)) / 3.0
-        })
-    };
-    let risk = smooth(&relative(&|_, x, y| denoised.mse.get(x, y)));
-    let from_halves = |halves: &[Rgb; 2], c: usize, x: usize, y: usize| {
-        (0.5 * (halves[0][c].get(x, y) - halves[1][c].get(x, y))).powi(2)
-    };
-    let noise = match (frame.color_var_of_mean(), frame.halves()) {
-        (Some(variance), _) => smooth(&relative(&|c, x, y| variance[c].get(x, y))),
-        (None, Some(halves)) => smooth(&relative(&|c, x, y| from_halves(halves, c, x, y))),
-        (None, None) => return risk,
-    };
-    let (width, height) = risk.size();
-    Plane::par_from_fn(width, height, |x, y| CALIBRATION * (risk.get(x, y).sqrt() * noise.get(x, y).sqrt()))
+/// The estimated relative squared error (as in relMSE, ε = 0.01) of every pixel. Finite and ≥ 0, whatever the picture
+/// holds; 0 everywhere where the method has no estimate.
+pub fn relative_error(denoised: &Denoised) -> Plane {
+    let (width, height) = denoised.mse.size();
+    smooth(&Plane::par_from_fn(width, height, |x, y| {
+        let squares = denoised.color.iter().map(|plane| plane.get(x, y).powi(2) + EPSILON);
+        denoised.mse.get(x, y) * squares.map(f32::recip).sum::<f32>() / 3.0
+    }))
 }
 
 /// The mean of an error plane, which is what a target is compared with.

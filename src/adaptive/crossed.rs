@@ -36,7 +36,7 @@ const KINDS: [FeatureKind; 3] = [FeatureKind::Albedo, FeatureKind::Normal, Featu
 pub fn crossed_error(frame: &Frame) -> Result<Plane> {
     let estimate = |colour: usize| -> Result<Plane> {
         let half = one_colour(frame, colour)?;
-        Ok(relative_error(&half, &denoise(&half, &quick())?))
+        Ok(relative_error(&denoise(&half, &quick())?))
     };
     let of = [estimate(0)?, estimate(1)?];
     Ok(Plane::par_from_fn(frame.width(), frame.height(), |x, y| {

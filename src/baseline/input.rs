@@ -3,7 +3,7 @@
 use crate::denoise::Facts;
 use crate::denoise::exposure::expose;
 use crate::denoise::sanitize::{self, Clean};
-use crate::denoise::{expose as expose_all, prefilter, targets, variance};
+use crate::denoise::{prefilter, variance};
 use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use crate::options::PrefilterOptions;
@@ -46,7 +46,7 @@ impl<'a> Input<'a> {
         let all = Rect::whole((frame.width(), frame.height()));
         let mut clean = sanitize::apply(frame.into(), &facts.known(), all, &mut summary);
         let exposure = facts.exposure();
-        expose_all(&mut clean, exposure);
+        clean.expose(exposure);
         let variance = variance::of_mean(&mut clean, &mut summary);
         Self { frame, facts, clean, variance, exposure, summary }
     }
@@ -69,7 +69,7 @@ impl<'a> Input<'a> {
 
     /// The colour's planes, then the AOVs'.
     pub fn targets(&self) -> Vec<&Plane> {
-        targets(&self.clean).collect()
+        self.clean.targets().collect()
     }
 
     /// The features of the kinds that a regression uses, each with its number in the frame.
@@ -106,7 +106,7 @@ impl<'a> Input<'a> {
     pub fn finish(mut self, output: Output) -> Denoised {
         let (width, height) = self.size();
         let mut kept = 0;
-        let mut planes = output.targets.into_iter().zip(targets(&self.clean)).map(|(mut plane, noisy)| {
+        let mut planes = output.targets.into_iter().zip(self.clean.targets()).map(|(mut plane, noisy)| {
             for (value, noisy) in plane.data_mut().iter_mut().zip(noisy.data()) {
                 if !value.is_finite() {
                     *value = *noisy;

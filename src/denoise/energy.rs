@@ -19,9 +19,16 @@
 //! what was taken out, to rounding. That picture stands for ŷ in the shares, since it is known before the
 //! fits: so a part of a picture can be denoised by what was seen of the whole before.
 
-use super::outlier::Outlier;
+use super::facts::Facts;
+use super::observer::Log;
+use super::outlier::Removed;
+use super::part::Part;
+use super::prepare::Prepared;
+use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rect, Rgb};
+use crate::options::Options;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Pixels from one node to the next.
 const SPACING: usize = 32;
@@ -83,10 +90,50 @@ fn around(x: usize, y: usize, columns: usize) -> [(usize, f64); 4] {
     ]
 }
 
+/// What gives the outliers of a prepared picture, or of this part of it, their energy back; none where the options ask
+/// for no outliers. Their number goes into the summary.
+///
+/// # Errors
+/// When the facts of a part do not hold the whole picture's outliers.
+pub fn gains(
+    facts: &Facts,
+    ready: &Prepared<'_>,
+    part: &Part,
+    options: &Options,
+    log: &mut Log<'_>,
+) -> Result<Option<Gains>> {
+    let (count, energy) = ready.removed.count(part.within());
+    log.summary.outliers = count;
+    log.summary.energy_moved = energy.map(|energy| energy / f64::from(facts.exposure()));
+    if !options.outliers.enabled {
+        return Ok(None);
+    }
+    let energy = match &facts.energy {
+        Some(energy) => Cow::Borrowed(energy),
+        None if part.is_whole() => {
+            let mut energy = Energy::default();
+            energy.add(ready.signal.color(), &ready.removed, part.within(), part.wanted.y);
+            Cow::Owned(energy)
+        }
+        None => {
+            let what = "the outliers of the picture around the part are not known";
+            let error = Error::new(ErrorKind::Usage, what);
+            return Err(error.remedy("give all rows to Facts::add_outliers first"));
+        }
+    };
+    let gains = energy.gains(options.outliers.witnesses);
+    if gains.share < 1.0 {
+        let given = format!("{:.0} % of their energy is given back", 100.0 * gains.share);
+        log.note(format!("outliers: too few to tell how much light is missing; {given}"));
+    }
+    Ok(Some(gains))
+}
+
 impl Energy {
     /// Adds the next rows of a picture, `rows` of the planes in their full width, of which the first is the
-    /// picture's row `y`: the colour without its outliers, and what was `taken` out of each target.
-    pub fn add(&mut self, color: &Rgb, outliers: &[Outlier], taken: &[Vec<f32>], rows: Rect, y: usize) {
+    /// picture's row `y`: the colour without its outliers, and what was `removed`.
+    pub fn add(&mut self, color: [&Plane; 3], removed: &Removed, rows: Rect, y: usize) {
+        let Removed { outliers, taken } = removed;
         self.columns = rows.width.div_ceil(SPACING) + 1;
         let last = y + rows.height;
         self.nodes.resize((last.div_ceil(SPACING) + 1) * self.columns, Node::default());
@@ -108,7 +155,7 @@ impl Energy {
 
     /// Adds row `from` of the colour, the picture's row `y`. By itself, so that the sums do not depend on how
     /// many rows are added at once.
-    fn add_light(&mut self, color: &Rgb, from: usize, y: usize) {
+    fn add_light(&mut self, color: [&Plane; 3], from: usize, y: usize) {
         let mut row = vec![[0.0; 3]; self.columns];
         for (c, plane) in color.iter().enumerate() {
             for (x, light) in plane.row(from).iter().map(|v| f64::from(v.max(0.0))).enumerate() {
@@ -196,10 +243,18 @@ impl Energy {
 }
 
 impl Gains {
+    /// Gives all targets, the colour's and then every AOV's, back their energy. The planes' first pixel has the column and
+    /// row `origin` in the picture.
+    pub fn give_back(&self, targets: &mut [Plane], origin: (usize, usize)) {
+        let beauty: Rgb = std::array::from_fn(|c| targets[c].clone());
+        for (t, plane) in targets.iter_mut().enumerate() {
+            self.give_plane_back(plane, &beauty[t % 3], t, origin);
+        }
+    }
+
     /// Gives `plane`, target `t`, back its energy; `beauty` is the same channel of the beauty before anything
-    /// was given back, so that an AOV shares the beauty's shares and sums stay sums. The planes' first pixel
-    /// has the column and row `origin` in the picture.
-    pub fn give_back(&self, plane: &mut Plane, beauty: &Plane, t: usize, origin: (usize, usize)) {
+    /// was given back, so that an AOV shares the beauty's shares and sums stay sums.
+    fn give_plane_back(&self, plane: &mut Plane, beauty: &Plane, t: usize, origin: (usize, usize)) {
         let Some((gains, even)) = self.gains.get(t).zip(self.even.get(t)) else { return };
         plane.rows_mut().enumerate().for_each(|(y, row)| {
             for (x, (value, light)) in row.iter_mut().zip(beauty.row(y)).enumerate() {
@@ -214,7 +269,7 @@ impl Gains {
 
 #[cfg(test)]
 mod tests {
-    use super::super::outlier::{find, replace};
+    use super::super::outlier::{Outlier, find, replace};
     use super::*;
     use crate::options::{Options, OutlierOptions};
     use proptest::prelude::*;
@@ -225,7 +280,8 @@ mod tests {
 
     fn energy(plane: &Plane, outliers: &[Outlier], taken: &[f32]) -> Energy {
         let mut energy = Energy::default();
-        energy.add(&grey(plane), outliers, &vec![taken.to_vec(); 3], Rect::whole(plane.size()), 0);
+        let removed = Removed { outliers: outliers.to_vec(), taken: vec![taken.to_vec(); 3] };
+        energy.add([plane; 3], &removed, Rect::whole(plane.size()), 0);
         energy
     }
 
@@ -267,7 +323,7 @@ mod tests {
             prop_assert!((sum(&plane) + out - before).abs() <= 1e-6 * before);
             let gains = energy(&plane, &outliers, &taken).gains(witnesses);
             let beauty = plane.clone();
-            gains.give_back(&mut plane, &beauty, 0, (0, 0));
+            gains.give_plane_back(&mut plane, &beauty, 0, (0, 0));
             let expected = before - out + gains.share * out;
             prop_assert!((sum(&plane) - expected).abs() <= 1e-6 * before, "{} became {}", expected, sum(&plane));
         }
@@ -297,7 +353,8 @@ mod tests {
                 let taken: Vec<Vec<f32>> =
                     taken.iter().map(|taken| here.iter().map(|(k, _)| taken[*k]).collect()).collect();
                 let here: Vec<Outlier> = here.iter().map(|(_, o)| *o).collect();
-                parts.add(&cut, &here, &taken, Rect { x: 0, y: above, width: 70, height }, y);
+                let removed = Removed { outliers: here, taken };
+                parts.add(cut.each_ref(), &removed, Rect { x: 0, y: above, width: 70, height }, y);
                 y += height;
             }
             assert_eq!(parts, whole, "{heights:?}");
@@ -310,7 +367,7 @@ mod tests {
         let at = |x: usize, y: usize| Outlier { x, y, from: (0, 0) };
         let given = |outliers: &[Outlier], taken: &[f32]| {
             let mut plane = flat.clone();
-            energy(&flat, outliers, taken).gains(64.0).give_back(&mut plane, &flat, 0, (0, 0));
+            energy(&flat, outliers, taken).gains(64.0).give_plane_back(&mut plane, &flat, 0, (0, 0));
             plane
         };
         assert_eq!(given(&[at(20, 20)], &[120.0]), flat);
@@ -321,9 +378,10 @@ mod tests {
         let black = Plane::filled(400, 300, 0.0);
         for color in [grey(&flat), [flat.clone(), black.clone(), black]] {
             let mut energy = Energy::default();
-            energy.add(&color, &crowd, &vec![vec![1.2; 100]; 3], Rect::whole(flat.size()), 0);
+            let removed = Removed { outliers: crowd.clone(), taken: vec![vec![1.2; 100]; 3] };
+            energy.add(color.each_ref(), &removed, Rect::whole(flat.size()), 0);
             let mut near = flat.clone();
-            energy.gains(64.0).give_back(&mut near, &flat, 0, (0, 0));
+            energy.gains(64.0).give_plane_back(&mut near, &flat, 0, (0, 0));
             assert!(near.get(20, 20) > 1.01 && near.get(300, 200) == 1.0, "{}", near.get(20, 20));
         }
     }
@@ -334,7 +392,7 @@ mod tests {
         let beauty = plane.clone();
         let outliers = [1, 2].map(|x| Outlier { x, y: 1, from: (0, 0) });
         let gains = energy(&plane, &outliers, &[9.0; 2]).gains(64.0);
-        gains.give_back(&mut plane, &beauty, 0, (0, 0));
+        gains.give_plane_back(&mut plane, &beauty, 0, (0, 0));
         assert_eq!(plane.data(), &[1.0; 9]);
     }
 }

@@ -7,9 +7,14 @@
 
 use super::energy::Energy;
 use super::exposure::Light;
+use super::observer::Log;
+use super::part::Part;
+use super::prepare::without_outliers;
 use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
+use crate::error::Result;
 use crate::frame::{Feature, Frame};
 use crate::image::Plane;
+use crate::options::Options;
 use rayon::prelude::*;
 
 /// The answers, of the rows that were added so far.
@@ -138,6 +143,21 @@ impl Facts {
         };
         rayon::join(|| (0..rows.height()).for_each(|y| self.add_colors(rows, y)), add_features);
         self.features = features;
+    }
+
+    /// Adds the energy of the outliers of the next rows, `part.wanted` in their full width, of a picture all of
+    /// whose rows were [added](Self::add) before; `frame` holds what [`Part::of_outliers`] has read.
+    ///
+    /// # Errors
+    /// When an option is out of its range, or the frame is not of the part's size.
+    pub fn add_outliers(&mut self, frame: &Frame, part: &Part, options: &Options) -> Result<()> {
+        options.check()?;
+        part.check(frame)?;
+        let (known, log) = (self.known(), &mut Log::silent());
+        let (clean, removed) = without_outliers(frame.into(), &known, self.exposure(), part, options, log);
+        let energy = self.energy.get_or_insert_default();
+        energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        Ok(())
     }
 
     /// Adds row `y` of the colour, its statistics and the AOVs.

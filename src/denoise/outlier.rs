@@ -18,8 +18,9 @@
 //! differ by what they differ: relMSE ×0.96, ×0.96, ×1.01 (five scenes without variances at 16, 64, 256 spp) and
 //! ×0.98, ×1.00, ×1.00 (thirteen others), and fireflies go at all.
 
+use super::sanitize::Clean;
 use super::variance::{around, smooth};
-use crate::image::{Plane, Rgb, mean_of_channels};
+use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::{Options, OutlierOptions};
 use rayon::prelude::*;
 
@@ -38,6 +39,40 @@ pub struct Outlier {
     pub y: usize,
     /// Column and row of the neighbour whose colour it is given.
     pub from: (usize, usize),
+}
+
+/// What was taken out of a picture.
+#[derive(Debug, Clone, Default)]
+pub struct Removed {
+    /// Where, row by row.
+    pub outliers: Vec<Outlier>,
+    /// How much at each of these, of each target.
+    pub taken: Vec<Vec<f32>>,
+}
+
+impl Removed {
+    /// How many of them are `within` these pixels, and the colour's energy that was taken out there.
+    pub fn count(&self, within: Rect) -> (usize, [f64; 3]) {
+        let (mut count, mut energy) = (0, [0.0; 3]);
+        for (k, _) in self.outliers.iter().enumerate().filter(|(_, o)| within.contains(o.x, o.y)) {
+            count += 1;
+            energy.iter_mut().zip(&self.taken).for_each(|(sum, taken)| *sum += f64::from(taken[k]));
+        }
+        (count, energy)
+    }
+}
+
+/// Takes the outliers out of all that belongs to the light of `clean`.
+pub fn remove(clean: &mut Clean<'_>, options: &Options) -> Removed {
+    if !options.outliers.enabled {
+        return Removed { outliers: vec![], taken: clean.targets().map(|_| vec![]).collect() };
+    }
+    let outliers = find(&clean.color, clean.variance.as_ref(), clean.halves.as_ref(), options);
+    // The halves too: what they know of an outlier would be the noise of the pixels around it.
+    let witnesses = clean.variance.iter_mut().flatten().chain(clean.halves.iter_mut().flatten().flatten());
+    witnesses.for_each(|plane| drop(replace(plane, &outliers)));
+    let taken = clean.targets_mut().map(|plane| replace(plane, &outliers)).collect();
+    Removed { outliers, taken }
 }
 
 /// Lists the outliers of `color`, row by row. The `variance` is every pixel's own, or none: one that was estimated

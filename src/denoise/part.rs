@@ -6,12 +6,13 @@
 //! | what | looks | why |
 //! |---|---|---|
 //! | restored detail | 7 + 1 | two means, one of the other |
+//! | the estimated error | 2 | means |
 //! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
 //! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
-//! | variance | smoothing + what outliers look | estimated over 7×7 pixels at most, outliers replaced |
-//! | outliers | 3 + their radius, or w | their neighbours' variance, a window's light |
+//! | variance | smoothing + 3 + what outliers look | estimated over 7×7 pixels at most, outliers replaced |
+//! | outliers | their radius, or w | neighbours, a window's light |
 //! | where nothing tells it | 2 + a stage of fits | a mean of what those leave |
 //! | what comes from blocks of 2×2 | twice, + 1 | fits, weights and smoothed variance of the coarse picture |
 //! | repair | 16 | from the rim of what is broken |
@@ -19,7 +20,7 @@
 //! The first part of this file is that sum; a frame that holds so much around its part gives the
 //! part's pixels the very bits that they have in the whole picture.
 
-use super::{Facts, coarse, reconstruct, restore, sanitize, variance};
+use super::{Facts, coarse, confidence, reconstruct, restore, sanitize, variance};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 use crate::image::Rect;
@@ -33,7 +34,7 @@ pub fn halo(options: &Options, facts: &Facts) -> usize {
 /// How far around a pixel the stages look, where the variance is known or `estimated`.
 fn reach(options: &Options, estimated: bool) -> usize {
     let prefilter = &options.prefilter;
-    let restored = if options.restore { restore::REACH } else { 0 };
+    let restored = if options.restore { restore::REACH } else { confidence::RADIUS };
     let fits_of =
         |stages: usize| stages * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
     let fits = fits_of(options.stages.len());
@@ -52,10 +53,10 @@ fn reach(options: &Options, estimated: bool) -> usize {
     restored + fitted + sanitize::REACH
 }
 
-/// How far around a pixel the first estimate of its variance and the outlier step look.
+/// How far around a pixel the outlier step looks, and the first estimate of the variance in what that leaves.
 fn told(options: &Options) -> usize {
     let Options { outliers, window_radius, .. } = options;
-    if outliers.enabled { (variance::REACH + outliers.radius).max(*window_radius) } else { variance::REACH }
+    variance::REACH + if outliers.enabled { outliers.radius.max(*window_radius) } else { 0 }
 }
 
 /// A part of a picture that is denoised alone, and what must be read for it.

@@ -27,6 +27,7 @@
 //! of a tile sees the centres of the grid and those it has added itself, not what other tiles add. So a
 //! pixel depends on pixels within a bounded distance alone, wherever the picture is cut.
 
+use super::exposure;
 use super::solver::{Pilot, Problem, Solver};
 use super::window::Window;
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
@@ -62,11 +63,13 @@ const SWING: f32 = 0.02;
 const LARGEST_PREDICTION: f32 = 1e34;
 
 /// What a stage gives, exposed.
-pub struct Stage {
+pub struct Reconstruction {
     /// Reconstruction of every target.
     pub targets: Vec<Plane>,
-    /// Estimated mean squared error, averaged over the channels.
+    /// Estimated mean squared error, averaged over the channels: the fits' risk.
     pub mse: Plane,
+    /// The squared difference from the stage before, averaged over the channels, where there was one.
+    pub change: Option<Plane>,
     /// Order, averaged over the fits that cover the pixel.
     pub order: Plane,
     /// Fits.
@@ -77,7 +80,21 @@ pub struct Stage {
     pub orders: [usize; 4],
 }
 
-impl Stage {
+impl Reconstruction {
+    /// What needed no fits: `targets` are right as they are.
+    pub fn exact(targets: Vec<Plane>) -> Self {
+        let (width, height) = targets[0].size();
+        let [mse, order] = [0.0; 2].map(|none| Plane::filled(width, height, none));
+        Self { targets, mse, change: None, order, fits: 0, coverage_fits: 0, orders: [0; 4] }
+    }
+
+    /// Brings what was multiplied by `exposure` back.
+    pub fn unexpose(&mut self, exposure: f32) {
+        let back = exposure.recip(); // whose square may be out of range
+        self.targets.iter_mut().for_each(|plane| exposure::expose(plane, back));
+        self.mse.change(|v| (v * back * back).min(f32::MAX));
+    }
+
     /// The colour: the first three targets.
     pub fn color(&self) -> Rgb {
         std::array::from_fn(|c| self.targets[c].clone())
@@ -190,8 +207,13 @@ impl Sums {
     }
 
     /// Divides by Σ a. A pixel that nothing covers keeps its noisy value, of `targets`, and its `noise`, the sum of the
-    /// channels' variances.
-    pub fn into_stage(self, targets: &[&Plane], noise: &Plane) -> Stage {
+    /// channels' variances. The `pilot` is the stage before.
+    pub fn into_reconstruction(
+        self,
+        targets: &[&Plane],
+        noise: &Plane,
+        pilot: Option<Pilot>,
+    ) -> Reconstruction {
         let (width, count) = (self.rect.width, targets.len());
         let plane = |k: usize, otherwise: &(dyn Fn(usize, usize) -> f32 + Sync)| {
             Plane::par_from_fn(width, self.rect.height, |x, y| {
@@ -199,7 +221,23 @@ impl Sums {
                 if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
             })
         };
-        Stage {
+        let change = pilot.map(|pilot| {
+            Plane::par_from_fn(width, self.rect.height, |x, y| {
+                let pixel = &self.data[(y * width + x) * self.depth..][..self.depth];
+                let now = |c: usize| {
+                    if pixel[count] > 0.0 { pixel[c] / pixel[count] } else { targets[c].get(x, y) }
+                };
+                pilot
+                    .color
+                    .iter()
+                    .enumerate()
+                    .map(|(c, before)| (now(c) - before.get(x, y)).powi(2))
+                    .sum::<f32>()
+                    / 3.0
+            })
+        });
+        Reconstruction {
+            change,
             targets: targets.iter().enumerate().map(|(t, noisy)| plane(t, &|x, y| noisy.get(x, y))).collect(),
             mse: plane(count + 1, &|x, y| noise.get(x, y) / 3.0),
             order: plane(count + 2, &|_, _| 0.0),

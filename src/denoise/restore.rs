@@ -8,8 +8,10 @@
 //!
 //! `[choice]` N is taken for larger than it is by a margin, so that chance alone gives nothing back.
 
+use super::reconstruct::Reconstruction;
+use super::signal::Signal;
 use super::variance::smooth;
-use crate::image::{Plane, Rgb, sum_of_channels};
+use crate::image::{Plane, Rgb, mean_of_channels, sum_of_channels};
 use rayon::prelude::*;
 
 /// Radius of the neighbourhood over which S and N are summed.
@@ -43,8 +45,18 @@ const SHARE_RADIUS: usize = 1;
 /// How far around a pixel the shares look: the wider of the two means, and theirs.
 pub const REACH: usize = NOISE_RADIUS + SHARE_RADIUS;
 
+/// Brings back the detail that the residual shows to be lost, in every target alike; where it does, the noise comes back
+/// too.
+pub fn apply(result: &mut Reconstruction, signal: &Signal) {
+    let shares = shares(signal.color(), &result.color(), &signal.variance, &signal.smoothed);
+    for (plane, noisy) in result.targets.iter_mut().zip(&signal.targets) {
+        blend(plane, noisy, &shares);
+    }
+    blend(&mut result.mse, &mean_of_channels(&signal.smoothed), &shares);
+}
+
 /// The share of the residual to give back at every pixel, 0 to 1; the noise is that of the `smoothed` variance.
-pub fn shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb, smoothed: &Rgb) -> Plane {
+fn shares(noisy: [&Plane; 3], reconstruction: &Rgb, variance: &Rgb, smoothed: &Rgb) -> Plane {
     let (width, height) = noisy[0].size();
     let residual = Plane::par_from_fn(width, height, |x, y| {
         noisy
@@ -71,7 +83,7 @@ pub fn shares(noisy: &Rgb, reconstruction: &Rgb, variance: &Rgb, smoothed: &Rgb)
 }
 
 /// plane ← plane + share · (noisy − plane).
-pub fn blend(plane: &mut Plane, noisy: &Plane, shares: &Plane) {
+fn blend(plane: &mut Plane, noisy: &Plane, shares: &Plane) {
     plane.rows_mut().enumerate().for_each(|(y, row)| {
         for ((value, noisy), share) in row.iter_mut().zip(noisy.row(y)).zip(shares.row(y)) {
             *value += share * (noisy - *value);
@@ -92,7 +104,7 @@ mod tests {
         let noisy = grey(|x, y| if x < 8 { 1.0 + 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0) } else { 5.0 });
         let flat = grey(|_, _| 1.0);
         let variance = grey(|_, _| 0.02);
-        let shares = shares(&noisy, &flat, &variance, &variance);
+        let shares = shares(noisy.each_ref(), &flat, &variance, &variance);
         assert_eq!(shares.get(1, 6), 0.0);
         assert!(shares.get(14, 6) > 0.99);
         let mut restored = flat[0].clone();
@@ -105,7 +117,7 @@ mod tests {
         let noisy = grey(|_, _| 0.9);
         let share = |bright: f32| {
             let variance = grey(|x, y| if (x, y) == (12, 6) { bright } else { 1e-6 });
-            shares(&noisy, &grey(|_, _| 1.0), &variance, &variance).get(6, 6)
+            shares(noisy.each_ref(), &grey(|_, _| 1.0), &variance, &variance).get(6, 6)
         };
         assert!(share(1e-6) > 0.99 && share(20.0) == 0.0);
     }
@@ -116,7 +128,7 @@ mod tests {
         let share = |deviations: f32| {
             let noisy = grey(|x, y| if spot(x, y) { 1.0 + deviations } else { 1.0 });
             let variance = grey(|x, y| if spot(x, y) { 1.0 } else { 1e-4 });
-            shares(&noisy, &grey(|_, _| 1.0), &variance, &variance).get(8, 6)
+            shares(noisy.each_ref(), &grey(|_, _| 1.0), &variance, &variance).get(8, 6)
         };
         // Of one pixel the margin is 3, of many 2.
         assert_eq!(share(1.7), 0.0);

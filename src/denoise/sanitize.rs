@@ -7,6 +7,7 @@
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
 
+use super::exposure;
 use super::facts::{Known, KnownFeature};
 use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rect, Rgb};
@@ -67,6 +68,35 @@ impl<'a> Clean<'a> {
                 features: features.into_iter().map(Cow::Owned).collect(),
                 motion: motion.map(Cow::Owned),
             },
+        }
+    }
+}
+
+/// The planes that the fits reconstruct: the colour's, then every AOV's.
+impl Clean<'_> {
+    /// All of them.
+    pub fn targets(&self) -> impl Iterator<Item = &Plane> {
+        self.color.iter().chain(self.aovs.iter().flatten())
+    }
+
+    /// The same, to be changed.
+    pub fn targets_mut(&mut self) -> impl Iterator<Item = &mut Plane> {
+        self.color.iter_mut().chain(self.aovs.iter_mut().flatten())
+    }
+
+    /// The same, the rest given up.
+    pub fn into_targets(self) -> Vec<Plane> {
+        self.color.into_iter().chain(self.aovs.into_iter().flatten()).collect()
+    }
+
+    /// Multiplies all radiance by `factor`.
+    pub fn expose(&mut self, factor: f32) {
+        self.targets_mut().for_each(|plane| exposure::expose(plane, factor));
+        for plane in self.halves.iter_mut().flatten().flatten() {
+            exposure::expose(plane, factor);
+        }
+        for plane in self.variance.iter_mut().flatten() {
+            exposure::expose_variance(plane, factor);
         }
     }
 }

@@ -8,6 +8,7 @@ use super::gram::{self, Columns, Gram};
 use super::guides::Guides;
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
+use super::temporal::Warped;
 use super::vectors;
 use super::window::Window;
 use crate::image::{Plane, Rgb};
@@ -33,7 +34,7 @@ pub struct Problem<'a> {
     /// Albedo plus its floor, for demodulated kernels.
     pub albedo: Option<&'a Rgb>,
     /// Frames whose samples join those of this one.
-    pub beside: &'a [Beside<'a>],
+    pub beside: &'a [Warped],
     /// The design.
     pub basis: &'a Basis,
     /// All options.
@@ -60,26 +61,6 @@ impl Pilot {
 /// `[choice]` of 0, 1, 2, 4 and 8: the least that does no harm where an edge moves by two pixels that nothing else
 /// knows of (docs/TEMPORAL.md).
 const BALANCE: i32 = 4;
-
-/// A frame beside, brought to this one's pixels (see [`super::warp`]), with the same kinds of planes.
-pub struct Beside<'a> {
-    /// As the problem's.
-    pub targets: Vec<&'a Plane>,
-    /// As the problem's.
-    pub variance: &'a Rgb,
-    /// As the problem's.
-    pub noise: &'a Plane,
-    /// As the problem's.
-    pub features: &'a [Plane],
-    /// As the problem's.
-    pub guides: &'a Guides,
-    /// As the problem's.
-    pub albedo: Option<&'a Rgb>,
-    /// How far the light is the same in both frames, 0 to 1.
-    pub steady: &'a Plane,
-    /// What every sample's weight is multiplied by, 0 to 1.
-    pub trust: &'a Plane,
-}
 
 /// What is to be had of a fit.
 pub struct Fitted<'a> {
@@ -220,7 +201,7 @@ impl<'a> Solver<'a> {
         let Problem { guides, albedo, beside, options, .. } = self.problem;
         let radius = options.window_radius;
         let demodulated = kernel.demodulate && albedo.is_some();
-        let guides = std::iter::once(*guides).chain(beside.iter().map(|beside| beside.guides));
+        let guides = std::iter::once(*guides).chain(beside.iter().map(|beside| &beside.guides));
         let guides = guides.map(|guides| guides.compared(demodulated));
         let kind = Kind { patch_radius: kernel.patch_radius, demodulated };
         let factor = kernel.feature_bandwidth.map(|bandwidth| (kernel.bandwidth / bandwidth).powi(2));
@@ -229,8 +210,8 @@ impl<'a> Solver<'a> {
         let columns = self.problem.targets[0].width();
         for (f, distances) in distances.chunks_exact(distances::square(radius)).enumerate() {
             let trust = f.checked_sub(1).map(|f| {
-                let balance = self.samples.mean(0, beside[f].steady).powi(BALANCE);
-                (beside[f].trust, balance)
+                let balance = self.samples.mean(0, &beside[f].steady).powi(BALANCE);
+                (&beside[f].trust, balance)
             });
             self.samples.add_frame(window, radius, columns, distances, kernel.bandwidth, trust);
         }
@@ -248,11 +229,12 @@ impl<'a> Solver<'a> {
         self.columns.chunks_exact_mut(stride).for_each(|column| column[samples..].fill(0.0));
         self.noise.clear();
         self.noise.resize(stride, 0.0);
-        self.gather_frame(window, 0, targets, (variance, noise), features, albedo);
+        self.gather_frame(window, 0, targets.iter().copied(), (variance, noise), features, albedo);
         for (f, beside) in beside.iter().enumerate() {
-            let albedo = beside.albedo.filter(|_| albedo.is_some());
-            let noise = (beside.variance, beside.noise);
-            self.gather_frame(window, f + 1, &beside.targets, noise, beside.features, albedo);
+            let albedo = beside.albedo.as_ref().filter(|_| albedo.is_some());
+            let noise = (&beside.variance, &beside.noise);
+            let targets = beside.targets.iter().take(targets.len());
+            self.gather_frame(window, f + 1, targets, noise, &beside.features, albedo);
         }
     }
 
@@ -262,7 +244,7 @@ impl<'a> Solver<'a> {
         &mut self,
         window: &Window,
         frame: usize,
-        targets: &[&Plane],
+        targets: impl Iterator<Item = &'a Plane>,
         (variance, sum): (&Rgb, &Plane),
         features: &[Plane],
         albedo: Option<&Rgb>,
@@ -272,7 +254,7 @@ impl<'a> Solver<'a> {
         let stride = samples.stride();
         let (design, rhs) = self.columns.split_at_mut(basis.columns() * stride);
         basis.fill(samples, frame, features, |f| centre[f].get(window.cx, window.cy), design);
-        let planes = targets.iter().copied().chain(pilot.iter().flat_map(|pilot| pilot.color.iter()));
+        let planes = targets.chain(pilot.iter().flat_map(|pilot| pilot.color.iter()));
         for (plane, column) in planes.zip(rhs.chunks_exact_mut(stride)) {
             samples.gather(plane, frame, 0.0, &mut column[part.clone()]);
         }

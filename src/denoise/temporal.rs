@@ -3,11 +3,15 @@
 //! A frame beside is repaired and its features are filtered on its own pixels, as if it were denoised
 //! itself; then all its planes are brought to this frame's pixels by [`super::warp`].
 
+use super::facts::Facts;
 use super::guides::{Guided, Guides};
-use super::solver::Beside as Samples;
+use super::observer::Log;
+use super::part::Part;
+use super::prepare::{Prepared, prepare};
+use super::signal::Signal;
+use super::variance;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
-use super::{Design, Ready, targets, variance};
-use crate::frame::{Beside, FeatureKind, Frame, Motion, Outline, Summary};
+use crate::frame::{Beside, FeatureKind, Frame, Motion, Outline};
 use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::Options;
 
@@ -20,32 +24,24 @@ pub struct Neighbours<'a> {
     pub after: Vec<&'a Frame>,
 }
 
-/// A frame beside on the pixels of the one that is denoised.
+/// A frame beside, brought to the pixels of the one that is denoised, with the same kinds of planes.
 pub(super) struct Warped {
+    /// R, G, B of the noisy colour, then of every AOV.
     pub targets: Vec<Plane>,
+    /// Variance of the colour's mean, smoothed.
     pub variance: Rgb,
+    /// The sum of its channels.
     pub noise: Plane,
+    /// The planes of the design.
     pub features: Vec<Plane>,
+    /// The albedo plus its floor.
     pub albedo: Option<Rgb>,
+    /// What all kernels compare.
     pub guides: Guides,
+    /// How far the light is the same in both frames, 0 to 1.
     pub steady: Plane,
+    /// What every sample's weight is multiplied by, 0 to 1.
     pub trust: Plane,
-}
-
-impl Warped {
-    /// As the fits read it.
-    pub fn samples(&self) -> Samples<'_> {
-        Samples {
-            targets: self.targets.iter().collect(),
-            variance: &self.variance,
-            noise: &self.noise,
-            features: &self.features,
-            guides: &self.guides,
-            albedo: self.albedo.as_ref(),
-            steady: &self.steady,
-            trust: &self.trust,
-        }
-    }
 }
 
 /// The direction in time.
@@ -72,27 +68,26 @@ impl Side {
     }
 }
 
-/// Brings all of `neighbours` that can be used to the pixels of the frame of this `outline`, of which `ready` was made, and
-/// says in `summary` which they are and why others are not.
+/// Brings all of `neighbours` that can be used to the pixels, the exposure and the columns of the frame of this `outline`
+/// and these `facts`, of which `ready` was made, and tells which they are and why others are not.
 pub(super) fn warped(
     outline: &Outline,
-    ready: &Ready<'_>,
+    ready: &Prepared<'_>,
     neighbours: &Neighbours<'_>,
+    facts: &Facts,
     options: &Options,
-    prepare: impl Fn(&Frame) -> Ready<'_>,
-    summary: &mut Summary,
+    log: &mut Log<'_>,
 ) -> Vec<Warped> {
+    let part = &Part::whole(outline.size);
     let mut found = vec![];
     for (side, frames, sign) in [(Side::Before, &neighbours.before, -1), (Side::After, &neighbours.after, 1)]
     {
-        let motion = ready.clean.motion.as_deref();
+        let motion = ready.motion.as_deref();
         let (mut flow, mut last) = (Flow::still(outline.size), motion);
         for (n, neighbour) in frames.iter().enumerate() {
             let offset = sign * (n as i32 + 1);
             if let Err(why) = comparable(outline, &neighbour.outline()) {
-                summary
-                    .notes
-                    .push(format!("the frame at {offset:+} and those beyond it are not used: {why}"));
+                log.note(format!("the frame at {offset:+} and those beyond it are not used: {why}"));
                 break;
             }
             match (side.vectors(last), motion) {
@@ -102,14 +97,16 @@ pub(super) fn warped(
                 (None, None) => {}
                 (None, Some(_)) => {
                     let why = "there are motion vectors, but none that lead there";
-                    summary.notes.push(format!("the frame at {offset:+} is not used: {why}"));
+                    log.note(format!("the frame at {offset:+} is not used: {why}"));
                     break;
                 }
             }
-            let warped = warp(ready, &prepare(neighbour), &flow, options);
+            let own = Facts::of(neighbour);
+            let there = prepare((*neighbour).into(), &own, facts, part, options, &mut Log::silent());
+            let warped = warp(&ready.signal, &there.signal, &flow, options);
             let pixels = warped.trust.data().len() as f64;
             let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
-            summary.beside.push(Beside { offset, trusted: trusted as f32 });
+            log.summary.beside.push(Beside { offset, trusted: trusted as f32 });
             found.push(warped);
             last = neighbour.motion();
         }
@@ -137,35 +134,37 @@ fn comparable(frame: &Outline, other: &Outline) -> Result<(), String> {
     Ok(())
 }
 
-fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
+fn warp(here: &Signal, there: &Signal, flow: &Flow, options: &Options) -> Warped {
     let rgb = |planes: &Rgb| planes.each_ref().map(|plane| flow.warp(plane));
     let mut trust = flow.trust();
-    let features = there.design.iter().zip(&here.design).map(|(there, here)| {
-        let warped = flow.warp(&there.plane);
-        distrust_surfaces(&mut trust, here.kind, &here.plane, &warped);
-        seen_from_here(here, warped)
+    let columns = here.design.planes.iter().zip(&here.design.kinds);
+    let features = there.design.planes.iter().zip(columns).map(|(there, (here, kind))| {
+        let warped = flow.warp(there);
+        distrust_surfaces(&mut trust, *kind, here, &warped);
+        seen_from_here(*kind, here, warped)
     });
     let features: Vec<Plane> = features.collect();
-    let (color, noise) = (rgb(&there.clean.color), rgb(&there.variance.each_ref().map(variance::trusted)));
-    let smoothed = rgb(&there.smoothed);
-    let colors = [&here.clean.color, &color];
+    let targets: Vec<Plane> = there.targets.iter().map(|plane| flow.warp(plane)).collect();
+    let color: [&Plane; 3] = std::array::from_fn(|c| &targets[c]);
+    let (noise, smoothed) = (rgb(&there.variance.each_ref().map(variance::trusted)), rgb(&there.smoothed));
+    let colors = [here.color(), color];
     let steady = steadiness(&trust, colors, [&here.smoothed, &smoothed]);
     trust.data_mut().iter_mut().zip(steady.data()).for_each(|(trust, steady)| *trust *= steady);
     distrust_copies(&mut trust, colors, &here.smoothed);
-    let albedo = there.albedo.as_ref().map(rgb);
+    let albedo = there.design.albedo.as_ref().map(rgb);
     let guided = Guided {
-        color: color.each_ref(),
+        color,
         variance: &noise,
         trusted: Plane::clone, // it was trusted before it was warped
         albedo: albedo.as_ref(),
         features: &features,
-        spreads: &here.spreads,
+        spreads: &here.design.spreads,
     };
     Warped {
-        targets: targets(&there.clean).map(|plane| flow.warp(plane)).collect(),
         guides: Guides::default().turned_to(options.stages.iter().flatten(), guided, options),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,
+        targets,
         features,
         albedo,
         steady,
@@ -175,9 +174,9 @@ fn warp(here: &Ready, there: &Ready, flow: &Flow, options: &Options) -> Warped {
 
 /// Where a point lies depends on where it is seen from, and the light on it does not: a column of the
 /// fit is to say the same of it in all frames.
-fn seen_from_here(here: &Design, warped: Plane) -> Plane {
-    match here.kind {
-        FeatureKind::Depth | FeatureKind::Position => here.plane.clone(),
+fn seen_from_here(kind: FeatureKind, here: &Plane, warped: Plane) -> Plane {
+    match kind {
+        FeatureKind::Depth | FeatureKind::Position => here.clone(),
         _ => warped,
     }
 }

@@ -118,14 +118,14 @@ pub fn distrust_surfaces(trust: &mut Plane, kind: FeatureKind, here: &Plane, the
 /// shadow or a reflection that moved over a surface which did not. The mean difference over 7×7 pixels tells it
 /// that single patches are too noisy to see. Pixels without `trust` are not compared and get 1.
 #[must_use]
-pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [&Rgb; 2]) -> Plane {
+pub fn steadiness(trust: &Plane, [here, there]: [[&Plane; 3]; 2], [noise, its_noise]: [&Rgb; 2]) -> Plane {
     let (width, height) = trust.size();
     let seen = |x: usize, y: usize| if trust.get(x, y) > 0.0 { 1.0 } else { 0.0 };
     // The channels share their samples: their deviations add, not their variances.
     let deviation =
         |noise: &Rgb, x: usize, y: usize| noise.iter().map(|v| v.get(x, y).sqrt()).sum::<f32>().powi(2);
     let difference = Plane::par_from_fn(width, height, |x, y| {
-        let sum = |rgb: &Rgb| rgb.iter().map(|plane| plane.get(x, y)).sum::<f32>();
+        let sum = |rgb: [&Plane; 3]| rgb.iter().map(|plane| plane.get(x, y)).sum::<f32>();
         seen(x, y) * (sum(there) - sum(here))
     });
     let variance = Plane::par_from_fn(width, height, |x, y| {
@@ -145,10 +145,10 @@ pub fn steadiness(trust: &Plane, [here, there]: [&Rgb; 2], [noise, its_noise]: [
 /// Takes `trust` away where most pixels around are the very same in spite of their `noise`: a copy, from a repeated
 /// frame or seed, tells nothing new. Not by single pixels: light that comes in few sizes is often the same by
 /// chance, and without those pairs the others' mean is too bright. What is black in both tells neither.
-pub fn distrust_copies(trust: &mut Plane, [here, there]: [&Rgb; 2], noise: &Rgb) {
+pub fn distrust_copies(trust: &mut Plane, [here, there]: [[&Plane; 3]; 2], noise: &Rgb) {
     let (width, height) = trust.size();
-    let any = |rgb: &Rgb, x: usize, y: usize| rgb.iter().any(|plane| plane.get(x, y) != 0.0);
-    let tells = |x, y| any(noise, x, y) && (any(here, x, y) || any(there, x, y));
+    let any = |rgb: [&Plane; 3], x: usize, y: usize| rgb.iter().any(|plane| plane.get(x, y) != 0.0);
+    let tells = |x, y| any(noise.each_ref(), x, y) && (any(here, x, y) || any(there, x, y));
     let same = |x, y| here.iter().zip(there).all(|(here, there)| here.get(x, y) == there.get(x, y));
     let share = |holds: &(dyn Fn(usize, usize) -> bool + Sync)| {
         smooth(&Plane::par_from_fn(width, height, |x, y| f32::from(holds(x, y))), LIGHT_RADIUS)
@@ -241,7 +241,9 @@ mod tests {
         let noise = |x: usize, y: usize| 0.1 * (((x * 7 + y * 3) % 5) as f32 - 2.0);
         let variance = grey(|_, _| 0.02);
         let all = plane(|_, _| 1.0);
-        let steady = |here: &Rgb, there: &Rgb| steadiness(&all, [here, there], [&variance, &variance]);
+        let steady = |here: &Rgb, there: &Rgb| {
+            steadiness(&all, [here.each_ref(), there.each_ref()], [&variance, &variance])
+        };
         let here = grey(|x, y| 1.0 + noise(x, y));
         let other = |x: usize, y: usize| 0.001 + noise(y + 1, x); // nowhere the very same
         assert!(steady(&here, &grey(|x, y| 1.0 + other(x, y))).data().iter().all(|&t| t > 0.9));
@@ -253,11 +255,15 @@ mod tests {
             shadow.get(2, 6),
             shadow.get(13, 6)
         );
-        assert_eq!(steadiness(&plane(|_, _| 0.0), [&here, &darker], [&variance, &variance]), all, "not seen");
+        assert_eq!(
+            steadiness(&plane(|_, _| 0.0), [here.each_ref(), darker.each_ref()], [&variance, &variance]),
+            all,
+            "not seen"
+        );
         let mut trust = all.clone();
-        distrust_copies(&mut trust, [&here, &darker], &variance);
+        distrust_copies(&mut trust, [here.each_ref(), darker.each_ref()], &variance);
         assert_eq!(trust, all);
-        distrust_copies(&mut trust, [&here, &here.clone()], &variance);
+        distrust_copies(&mut trust, [here.each_ref(); 2], &variance);
         assert_eq!(trust, plane(|_, _| 0.0));
     }
 
@@ -271,7 +277,7 @@ mod tests {
         assert!(same.count() > 90, "most are black in both");
         let all = plane(|_, _| 1.0);
         let mut trust = all.clone();
-        distrust_copies(&mut trust, [&here, &there], &grey(|_, _| 0.1));
+        distrust_copies(&mut trust, [here.each_ref(), there.each_ref()], &grey(|_, _| 0.1));
         assert_eq!(trust, all);
     }
 }

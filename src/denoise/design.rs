@@ -1,0 +1,87 @@
+//! What the fits know of the surfaces: the feature planes, filtered, those that are constant left out.
+
+use super::coarse;
+use super::facts::{Facts, Known};
+use super::observer::Log;
+use super::prefilter;
+use super::surfaces::Spread;
+use crate::frame::{Feature, FeatureKind};
+use crate::image::{Plane, Rgb};
+use crate::options::Options;
+use std::borrow::Cow;
+
+/// Albedo beyond this is none: what is divided by it and multiplied by it again keeps its order.
+const LARGEST_ALBEDO: f32 = 100.0;
+
+/// The features of a picture.
+#[derive(Default)]
+pub struct Design {
+    /// Their planes.
+    pub planes: Vec<Plane>,
+    /// Of what kind each plane is.
+    pub kinds: Vec<FeatureKind>,
+    /// Which planes are of one feature, and how far it spreads.
+    pub spreads: Vec<Spread>,
+    /// The albedo, its floor added, that demodulated kernels divide by.
+    pub albedo: Option<Rgb>,
+}
+
+impl Design {
+    /// Those of `features` that the options ask for; `facts` tell which are noisy or constant, `known` which
+    /// planes are a number anywhere.
+    pub fn of(
+        features: Vec<Cow<'_, Feature>>,
+        facts: &Facts,
+        known: &Known,
+        options: &Options,
+        log: &mut Log<'_>,
+    ) -> Self {
+        let (asked, others): (Vec<_>, Vec<_>) = features
+            .into_iter()
+            .enumerate()
+            .partition(|(_, feature)| options.features.contains(&feature.kind));
+        drop(others);
+        let mut design = Self::default();
+        for (f, feature) in asked {
+            let (name, kind) = (feature.name.clone(), feature.kind);
+            let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
+            if let (FeatureKind::Albedo, None, [r, g, b]) = (kind, &design.albedo, &filtered[..]) {
+                design.albedo = Some([r, g, b].map(|plane| floored(plane, options.albedo_floor)));
+            }
+            let mut spread = Spread { planes: 0, variance: 0.0, is_distance: kind == FeatureKind::Depth };
+            for (i, plane) in filtered.into_iter().enumerate() {
+                let name = format!("{name}.{i}");
+                if facts.feature_is_constant(f, i) {
+                    let why = if known.features[f].planes[i] { "constant" } else { "a number at no pixel" };
+                    log.note(format!("feature {name}: left out, it is {why}"));
+                } else {
+                    log.summary.columns.push(name);
+                    design.planes.push(plane);
+                    design.kinds.push(kind);
+                    spread.planes += 1;
+                    spread.variance += facts.feature_spread(f, i);
+                }
+            }
+            if spread.planes > 0 {
+                design.spreads.push(spread);
+            }
+        }
+        design
+    }
+
+    /// The same at half the resolution.
+    pub fn halved(&self) -> Self {
+        Self {
+            planes: self.planes.iter().map(coarse::halve).collect(),
+            kinds: self.kinds.clone(),
+            spreads: self.spreads.clone(),
+            albedo: self.albedo.as_ref().map(|albedo| albedo.each_ref().map(coarse::halve)),
+        }
+    }
+}
+
+fn floored(albedo: &Plane, floor: f32) -> Plane {
+    Plane::par_from_fn(albedo.width(), albedo.height(), |x, y| {
+        albedo.get(x, y).clamp(0.0, LARGEST_ALBEDO) + floor
+    })
+}
