@@ -201,7 +201,11 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input, &out, "--profile", "povray"], &["mitsuba", "tungsten"]),
         (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),
-        (2, &[&input, &out, "--set", "no_such_option=1"], &["no_such_option", "the options are"]),
+        (
+            2,
+            &[&input, &out, "--set", "no_such_option=1"],
+            &["no_such_option", "the likest are", "--generate options lists all"],
+        ),
         (2, &[&input, &out, "--set", "window_radius=99"], &["window_radius", "give"]),
         (2, &[&input, &out, "--set", "stages.0.0.bandwidth=wide"], &["make no sense", "bandwidth=\"wide\""]),
         (2, &[&input, &out, "--set", "window_radius=7.5"], &["window_radius=7.5", "a whole number"]),

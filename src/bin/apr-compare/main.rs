@@ -49,7 +49,7 @@ const EXIT_CODES: &str = "Exit codes:
   70   a defect of this program";
 
 fn main() -> ExitCode {
-    let arguments = generate::parse::<CommandLine>();
+    let arguments = generate::parse::<CommandLine>(&[]);
     failure::told(|| match (&arguments.command, &arguments.compare) {
         (Some(Command::Sweep(sweep)), _) => answer::print(sweep::run(sweep)?.trim_end()),
         (None, Some(compare)) => answer::print(compare::run(compare)?.trim_end()),

@@ -162,7 +162,8 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME", value_parser = preset(), help_heading = "Denoiser")]
     pub preset: Option<Preset>,
     /// Set one option of the method; VALUE is JSON, KEY may go into depth with dots, as in
-    /// outliers.deviations=10. --preset comes first, then --options, then --set in its order.
+    /// outliers.deviations=10. --preset comes first, then --options, then --set in its order. --generate options
+    /// lists all with their defaults and ranges.
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
     pub set: Vec<String>,
     /// Read options of the method from a JSON object.
