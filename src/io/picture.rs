@@ -8,7 +8,6 @@ use super::document::Document;
 use super::layout::Layout;
 use super::mapping::Mapping;
 use super::recognize::{detect, layers};
-use super::rewrite::signature_in;
 use super::roles::Casting;
 use super::source::no_color;
 use super::sums::SumCheck;
@@ -100,15 +99,6 @@ impl Picture {
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         self.survey.write(target, denoised, aux)
     }
-}
-
-/// What the result at `path` was made by, if it was signed: see [`Picture::sign`]. Reads no pixels.
-///
-/// # Errors
-/// `Unreadable` when it is missing or no EXR file.
-pub fn signature(path: impl AsRef<Path>) -> Result<Option<String>> {
-    let document = Document::open(path.as_ref())?;
-    Ok(document.headers().iter().find_map(signature_in))
 }
 
 /// The colour of the file at `path`, for comparisons and references.

@@ -151,7 +151,7 @@ impl Survey {
     }
 
     /// Has the results say in their attribute `apr.settings` what they were made by;
-    /// [`signature`](super::signature) reads it back. Keep to ASCII: what other letters become is not
+    /// [`provenance`](super::provenance()) reads it back. Keep to ASCII: what other letters become is not
     /// promised.
     pub fn sign(&mut self, signature: impl Into<String>) {
         self.signature = Some(signature.into());
