@@ -190,7 +190,7 @@ pub(super) fn likest(wanted: &str, names: impl Iterator<Item = String>) -> Strin
     let (told, count) = if names.len() <= FEW { ("there are", FEW) } else { ("the likest are", LIKEST) };
     let mut sorted = by_likeness(wanted, names.into_iter().collect());
     sorted.truncate(count);
-    format!("{told} '{}'; --inspect without it lists all", sorted.join("', '"))
+    format!("{told} '{}'; apr-denoise --inspect without --map lists all", sorted.join("', '"))
 }
 
 #[cfg(test)]
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn the_likest_names_are_told() {
         let of = |names: &[&str]| likest("albdo.R", names.iter().map(|name| (*name).to_owned()));
-        assert!(of(&["N.X", "Albedo.R"]).starts_with("there are 'Albedo.R', 'N.X'; --inspect"));
+        assert!(of(&["N.X", "Albedo.R"]).starts_with("there are 'Albedo.R', 'N.X'; apr-denoise --inspect"));
         let many: Vec<String> = (0..20).map(|i| format!("layer{i}.Y")).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).chain(["albedo.R", "albedo.G"]).collect();
         assert!(of(&many).starts_with("the likest are 'albedo.R', 'albedo.G', "), "{}", of(&many));

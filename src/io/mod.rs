@@ -20,6 +20,7 @@
 mod assemble;
 mod atomic;
 mod attributes;
+mod beauty;
 mod bounds;
 mod canvas;
 mod channels;
@@ -53,6 +54,7 @@ mod variance;
 mod zip;
 
 pub use atomic::{abandon_temporaries, check_target, write_bytes};
+pub use beauty::{Beauty, read_rgb};
 pub use bounds::bound_feature;
 pub use channels::{Renderer, VarianceKind};
 pub use counts::read_counts;
@@ -61,7 +63,7 @@ pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS};
 pub use mapping::Mapping;
 pub use merge::merge;
 pub use own::{FrameHeader, write_frame, write_plane};
-pub use picture::{Picture, ReadOptions, read_rgb};
+pub use picture::{Picture, ReadOptions};
 pub use places::{RunFile, check_apart, check_ending, is_same_file};
 pub use provenance::{Provenance, provenance};
 pub use sums::{Deviation, SumCheck};
