@@ -307,6 +307,37 @@ fn a_result_can_be_denoised_again() {
     }
 }
 
+/// A result that is denoised again is told, also where it is the other half; going on and merging read results as well
+/// and are no such case.
+#[test]
+fn what_is_denoised_already_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (input, once, twice, report) = (render(folder.path()), at("once.exr"), at("twice.exr"), at("r.json"));
+    let words = "once.exr: is denoised already, as its attribute apr.settings tells";
+    let complaints = |arguments: &[&Path], options: &[&str]| {
+        let (code, _, complaints) = run(program().args(arguments).args(options));
+        assert_eq!(code, 0, "{complaints}");
+        complaints
+    };
+    assert!(!complaints(&[&input, &once], &[]).contains("denoised already"));
+    assert!(!complaints(&[&input, &once], &["--skip-existing"]).contains("denoised already"));
+    let told = complaints(&[&once, &twice, Path::new("--report"), &report], &[]);
+    assert!(told.contains(&format!("{words}: ")) && told.contains("give the render itself"), "{told}");
+    let notes = serde_json::from_slice::<Value>(&std::fs::read(&report).unwrap()).unwrap();
+    let notes = notes["layout"]["notes"].as_array().unwrap().clone();
+    assert!(notes.iter().any(|note| note.as_str().unwrap().contains(words)), "{notes:?}");
+    assert_eq!(complaints(&[&once, &twice], &["--quiet"]), "");
+    let told = complaints(&[&input, &twice, Path::new("--half"), &once], &[]);
+    assert!(told.contains(words), "{told}");
+
+    let (top, bottom) = (at("top.exr"), at("bottom.exr"));
+    let height = SIZE.1 - 4;
+    complaints(&[&input, &top], &["--region", &format!("0,0,{},4", SIZE.0)]);
+    complaints(&[&input, &bottom], &["--region", &format!("0,4,{},{height}", SIZE.0)]);
+    assert_eq!(complaints(&[Path::new("merge"), &at("whole.exr"), &top, &bottom], &[]), "");
+}
+
 #[test]
 fn a_target_that_is_not_met_ends_with_its_own_code_and_a_map() {
     let folder = tempfile::tempdir().unwrap();
