@@ -51,6 +51,7 @@ pub mod error;
 pub mod frame;
 pub mod image;
 pub mod io;
+mod likeness;
 pub mod metrics;
 pub mod options;
 #[cfg(feature = "report")]

@@ -1,10 +1,13 @@
 //! Every tunable of the denoiser, each with its one default.
 
+mod described;
 mod replace;
 
+pub use described::Key;
+pub(crate) use described::{check, described, told};
 pub(crate) use replace::replaced;
 
-use crate::error::{Error, ErrorKind, Result};
+use crate::error::Result;
 use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};
 
@@ -18,82 +21,103 @@ pub const MAX_PATCH_RADIUS: usize = 3;
 /// five scenes and ×1.00 on thirteen others, 1 is ×1.00 on both and ×1.01 at 64 spp.
 const FEATURE_BANDWIDTH: f32 = 1.25;
 
-/// Options of [`crate::denoise()`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Radius of the windows Ω_c in pixels, 1 to [`MAX_WINDOW_RADIUS`]; 7 is 15×15.
-    pub window_radius: usize,
-    /// Distance between the centres of the grid in pixels, 1 to 15; 1 puts a centre on every pixel.
-    pub center_spacing: usize,
-    /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself. `[choice]` of 1,
-    /// 2, 4, 8, 16 and 32: relMSE of 4 ×1.01, of 16 ×1.00 in 1.3 times the time.
-    pub min_coverage: f32,
-    /// The share of `min_coverage` that the stages before the last ask for, 0 to 1: a pilot only says how far
-    /// coefficients are shrunk and fits are trusted. `[choice]` of 1, ½, ¼ and ⅛: relMSE ×1.000, ×1.001 and ×1.002
-    /// (18 scenes at 16 to 256 spp) in 0.8, 0.7 and 0.65 of the time.
-    pub pilot_coverage: f32,
-    /// Highest polynomial order in pixel position, 0 to 3.
-    pub max_order: usize,
-    /// How the order is chosen.
-    pub order_choice: OrderChoice,
-    /// The first stage's risk as published (y put for μ) instead of the unbiased one (SURE).
-    pub plain_first_stage: bool,
-    /// The kernels of every stage; their fits all join one average.
-    pub stages: Vec<Vec<Kernel>>,
-    /// Differences of this share of the radiance count as noise when patches are compared: where noise
-    /// vanishes, weights still know what is nearly the same. 0 is the published distance. `[choice]` with one
-    /// bandwidth of 1 for all kernels against 0 with bandwidths of 0.6 and 1.2, thirteen scenes: relMSE ×0.97 at 4
-    /// and 16 spp, ×0.83 at 256, ×0.76 at 1024, in fewer fits; 0.08 ×1.01, 0.16 ×1.01.
-    pub tolerance: f32,
-    /// Kinds of features that enter the fit.
-    pub features: Vec<FeatureKind>,
-    /// The outlier step.
-    pub outliers: OutlierOptions,
-    /// The filter of noisy features.
-    pub prefilter: PrefilterOptions,
-    /// The weight of every sample in its fit is divided by 1 + this × its share of the window's noise, that is of
-    /// Σ K σ²; 0 leaves it out. `[choice]` of 12, 16, 20 and 28: relMSE ×1.003, ×1, ×0.997 and ×0.995 (five scenes at
-    /// 16 to 256 spp), ×1.000, ×1, ×1.003 and ×1.005 (thirteen others); by the variance over the window's mean,
-    /// whatever the number of samples, ×1.003 and ×1.006.
-    pub noise_weight: f32,
-    /// Radius over which the colour's variance is averaged before the fit uses it. `[choice]` 1 against 2:
-    /// relMSE ×0.975 on thirteen scenes and ×0.99 on five others; 0 ×1.09 and ×1.00.
-    pub variance_radius: usize,
-    /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
-    pub risk_power: f32,
-    /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along
-    /// each axis, d the distance from the centre; 0 is the published plain K. `[choice]` 1 against ½: ×0.995
-    /// on thirteen scenes, ×1.00 on five others.
-    pub taper_power: f32,
-    /// Radiance, in units of the picture's exposure, under which errors count as absolute, not as
-    /// relative ones. Its square is the floor of the risks.
-    pub dark_level: f32,
-    /// Added to the albedo before a demodulated kernel divides by it.
-    pub albedo_floor: f32,
-    /// Denoise the picture at half its resolution too, and take from it what it knows better.
-    pub coarse: bool,
-    /// Restore what the residual shows to be more than noise.
-    pub restore: bool,
+described! {
+    /// Options of [`crate::denoise()`].
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Options {
+        /// Radius of the windows Ω_c in pixels; 7 is 15×15.
+        #[range(1..=MAX_WINDOW_RADIUS)]
+        pub window_radius: usize,
+        /// Distance between the centres of the grid in pixels; 1 puts a centre on every pixel.
+        #[range(1..=15)]
+        pub center_spacing: usize,
+        /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself. `[choice]` of 1,
+        /// 2, 4, 8, 16 and 32: relMSE of 4 ×1.01, of 16 ×1.00 in 1.3 times the time.
+        #[range(0.0..=1e3)]
+        pub min_coverage: f32,
+        /// The share of `min_coverage` that the stages before the last ask for: a pilot only says how far
+        /// coefficients are shrunk and fits are trusted. `[choice]` of 1, ½, ¼ and ⅛: relMSE ×1.000, ×1.001 and ×1.002
+        /// (18 scenes at 16 to 256 spp) in 0.8, 0.7 and 0.65 of the time.
+        #[range(0.0..=1.0)]
+        pub pilot_coverage: f32,
+        /// Highest polynomial order in pixel position.
+        #[range(0..=3)]
+        pub max_order: usize,
+        /// How the order of a fit is chosen: `hard` takes that with the least risk (Moon et al. 2016), `soft` weighs all by
+        /// their risk, `shrink` shrinks every component by its own signal-to-noise ratio, `residual` takes the highest.
+        pub order_choice: OrderChoice,
+        /// The first stage's risk as published (y put for μ) instead of the unbiased one (SURE).
+        pub plain_first_stage: bool,
+        /// The kernels of every stage, 1 to 8 stages of 1 to 16 kernels; their fits all join one average.
+        pub stages: Vec<Vec<Kernel>>,
+        /// Differences of this share of the radiance count as noise when patches are compared: where noise
+        /// vanishes, weights still know what is nearly the same. 0 is the published distance. `[choice]` with one
+        /// bandwidth of 1 for all kernels against 0 with bandwidths of 0.6 and 1.2, thirteen scenes: relMSE ×0.97 at 4
+        /// and 16 spp, ×0.83 at 256, ×0.76 at 1024, in fewer fits; 0.08 ×1.01, 0.16 ×1.01.
+        #[range(0.0..=1.0)]
+        pub tolerance: f32,
+        /// Kinds of features that enter the fit: any of `normal`, `albedo`, `depth`, `visibility`, `position`, `other`.
+        pub features: Vec<FeatureKind>,
+        /// The outlier step.
+        pub outliers: OutlierOptions,
+        /// The filter of noisy features.
+        pub prefilter: PrefilterOptions,
+        /// The weight of every sample in its fit is divided by 1 + this × its share of the window's noise, that is of
+        /// Σ K σ²; 0 leaves it out. `[choice]` of 12, 16, 20 and 28: relMSE ×1.003, ×1, ×0.997 and ×0.995 (five scenes at
+        /// 16 to 256 spp), ×1.000, ×1, ×1.003 and ×1.005 (thirteen others); by the variance over the window's mean,
+        /// whatever the number of samples, ×1.003 and ×1.006.
+        #[range(0.0..=1e3)]
+        pub noise_weight: f32,
+        /// Radius over which the colour's variance is averaged before the fit uses it. `[choice]` 1 against 2:
+        /// relMSE ×0.975 on thirteen scenes and ×0.99 on five others; 0 ×1.09 and ×1.00.
+        #[range(0..=15)]
+        pub variance_radius: usize,
+        /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
+        #[range(0.0..=4.0)]
+        pub risk_power: f32,
+        /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along
+        /// each axis, d the distance from the centre; 0 is the published plain K. `[choice]` 1 against ½: ×0.995
+        /// on thirteen scenes, ×1.00 on five others.
+        #[range(0.0..=4.0)]
+        pub taper_power: f32,
+        /// Radiance, in units of the picture's exposure, under which errors count as absolute, not as
+        /// relative ones. Its square is the floor of the risks.
+        #[range(1e-3..=1e3)]
+        pub dark_level: f32,
+        /// Added to the albedo before a demodulated kernel divides by it.
+        #[range(1e-3..=1e3)]
+        pub albedo_floor: f32,
+        /// Denoise the picture at half its resolution too, and take from it what it knows better.
+        pub coarse: bool,
+        /// Restore what the residual shows to be more than noise.
+        pub restore: bool,
+    }
 }
 
 /// Makes a set of options that has a name.
 pub type Preset = fn() -> Options;
 
-/// One family of weights.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Kernel {
-    /// Radius of the patches that are compared, 0 to [`MAX_PATCH_RADIUS`]; 1 is 3×3.
-    pub patch_radius: usize,
-    /// Bandwidth k: distances are divided by k².
-    pub bandwidth: f32,
-    /// Compare and fit colour over albedo instead of colour, where there is an albedo.
-    #[serde(default)]
-    pub demodulate: bool,
-    /// Compare the features too, with this bandwidth; what is farther apart, colour or features, counts.
-    #[serde(default)]
-    pub feature_bandwidth: Option<f32>,
+described! {
+    /// One family of weights.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Kernel {
+        /// Radius of the patches that are compared; 1 is 3×3.
+        #[range(0..=MAX_PATCH_RADIUS)]
+        pub patch_radius: usize,
+        /// Bandwidth k: distances are divided by k².
+        #[range(0.01..=1e6)]
+        pub bandwidth: f32,
+        /// Compare and fit colour over albedo instead of colour, where there is an albedo.
+        #[serde(default)]
+        pub demodulate: bool,
+        /// Compare the features too, with this bandwidth; what is farther apart, colour or features, counts. `null`
+        /// leaves them out.
+        #[range(0.01..=1e6)]
+        #[serde(default)]
+        pub feature_bandwidth: Option<f32>,
+    }
 }
 
 impl Kernel {
@@ -125,37 +149,48 @@ pub enum OrderChoice {
     Residual,
 }
 
-/// Options of the outlier step.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct OutlierOptions {
-    /// Take outliers out at all.
-    pub enabled: bool,
-    /// Radius of the neighbourhood that is the witness, 1 to 3.
-    pub radius: usize,
-    /// Standard deviations of the neighbours by which an outlier sticks out.
-    pub deviations: f32,
-    /// The share of the light of a fit's window that an outlier's excess must be more than, 0 to 1. `[choice]` of 0.02,
-    /// 0.05, 0.1 and 0.2: relMSE ×1.002, ×0.998, ×0.992, ×0.990 (five scenes) and ×0.987, ×0.976, ×0.962, ×0.958
-    /// (thirteen others) of that at 0; caustics at 16 spp keep 97.1, 96.8, 96.1 and 94.9 % of their light.
-    pub share: f32,
-    /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
-    pub witnesses: f32,
+described! {
+    /// Options of the outlier step.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct OutlierOptions {
+        /// Take outliers out at all.
+        pub enabled: bool,
+        /// Radius of the neighbourhood that is the witness.
+        #[range(1..=3)]
+        pub radius: usize,
+        /// Standard deviations of the neighbours by which an outlier sticks out.
+        #[range(0.0..=1e6)]
+        pub deviations: f32,
+        /// The share of the light of a fit's window that an outlier's excess must be more than. `[choice]` of 0.02,
+        /// 0.05, 0.1 and 0.2: relMSE ×1.002, ×0.998, ×0.992, ×0.990 (five scenes) and ×0.987, ×0.976, ×0.962, ×0.958
+        /// (thirteen others) of that at 0; caustics at 16 spp keep 97.1, 96.8, 96.1 and 94.9 % of their light.
+        #[range(0.0..=1.0)]
+        pub share: f32,
+        /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
+        #[range(1.0..=1e6)]
+        pub witnesses: f32,
+    }
 }
 
-/// Options of the feature prefilter (NLM, Rousselle, Knaus, Zwicker 2012).
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct PrefilterOptions {
-    /// Filter features that come with a variance.
-    pub enabled: bool,
-    /// Radius of the search window.
-    pub window_radius: usize,
-    /// Radius of the patches.
-    pub patch_radius: usize,
-    /// Bandwidth k. `[choice]` 0.85 against 0.7: relMSE ×0.99 on thirteen scenes, ×1.00 on five others; 1 ×0.985
-    /// and ×1.003.
-    pub bandwidth: f32,
+described! {
+    /// Options of the feature prefilter (NLM, Rousselle, Knaus, Zwicker 2012).
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct PrefilterOptions {
+        /// Filter features that come with a variance.
+        pub enabled: bool,
+        /// Radius of the search window.
+        #[range(1..=15)]
+        pub window_radius: usize,
+        /// Radius of the patches.
+        #[range(0..=3)]
+        pub patch_radius: usize,
+        /// Bandwidth k. `[choice]` 0.85 against 0.7: relMSE ×0.99 on thirteen scenes, ×1.00 on five others; 1 ×0.985
+        /// and ×1.003.
+        #[range(0.01..=1e6)]
+        pub bandwidth: f32,
+    }
 }
 
 impl Default for OutlierOptions {
@@ -258,59 +293,57 @@ impl Options {
         self.stages.iter().flatten().map(|kernel| kernel.patch_radius).max().unwrap_or(0)
     }
 
+    /// Every option with its value, by the names that [`Options::with`] takes.
+    pub fn keys(&self) -> Vec<Key> {
+        let (outliers, prefilter) = (self.outliers.fields("outliers."), self.prefilter.keys());
+        let mut keys = self.fields("");
+        keys.retain(|key| !["outliers", "prefilter"].contains(&key.name.as_str())); // groups of what follows
+        keys.extend(outliers.into_iter().chain(prefilter));
+        keys.extend(self.kernels().flat_map(|(name, kernel)| kernel.fields(&format!("{name}."))));
+        keys
+    }
+
     /// Checks every range.
     ///
     /// # Errors
-    /// [`ErrorKind::Usage`] names the option, what it is and what it may be.
+    /// [`ErrorKind::Usage`](crate::ErrorKind::Usage) names the option, what it is and what it may be.
     pub fn check(&self) -> Result<()> {
-        let range = |name: &str, value: usize, low: usize, high: usize| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
-                .remedy(format!("give {low} to {high}")))
-        };
-        let number = |name: &str, value: f32, low: f32, high: f32| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
-                .remedy(format!("give {low} to {high}")))
-        };
-        range("window_radius", self.window_radius, 1, MAX_WINDOW_RADIUS)?;
-        range("center_spacing", self.center_spacing, 1, 15)?;
-        range("max_order", self.max_order, 0, 3)?;
-        range("stages", self.stages.len(), 1, 8)?;
-        for kernel in self.stages.iter().flatten() {
-            range("patch_radius", kernel.patch_radius, 0, MAX_PATCH_RADIUS)?;
-            number("bandwidth", kernel.bandwidth, 0.01, 1e6)?;
-            number("feature_bandwidth", kernel.feature_bandwidth.unwrap_or(1.0), 0.01, 1e6)?;
-        }
-        for kernels in &self.stages {
-            range("kernels of a stage", kernels.len(), 1, 16)?;
-        }
-        number("tolerance", self.tolerance, 0.0, 1.0)?;
-        range("variance_radius", self.variance_radius, 0, 15)?;
-        range("outliers.radius", self.outliers.radius, 1, 3)?;
-        number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;
-        number("outliers.share", self.outliers.share, 0.0, 1.0)?;
-        number("outliers.witnesses", self.outliers.witnesses, 1.0, 1e6)?;
-        range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
-        range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
-        number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 1e6)?;
-        number("min_coverage", self.min_coverage, 0.0, 1e3)?;
-        number("pilot_coverage", self.pilot_coverage, 0.0, 1.0)?;
-        number("noise_weight", self.noise_weight, 0.0, 1e3)?;
-        number("risk_power", self.risk_power, 0.0, 4.0)?;
-        number("taper_power", self.taper_power, 0.0, 4.0)?;
-        number("dark_level", self.dark_level, 1e-3, 1e3)?;
-        number("albedo_floor", self.albedo_floor, 1e-3, 1e3)
+        self.check_fields("")?;
+        self.outliers.check_fields("outliers.")?;
+        self.prefilter.check()?;
+        check("number of stages", &self.stages.len(), &(1..=8))?;
+        let mut stages = self.stages.iter().enumerate();
+        stages.try_for_each(|(i, kernels)| {
+            check(&format!("number of kernels in stages.{i}"), &kernels.len(), &(1..=16))
+        })?;
+        let mut kernels = self.kernels();
+        kernels.try_for_each(|(name, kernel)| kernel.check_fields(&format!("{name}.")))
+    }
+
+    /// All kernels with their names.
+    fn kernels(&self) -> impl Iterator<Item = (String, &Kernel)> {
+        self.stages.iter().enumerate().flat_map(|(stage, kernels)| {
+            kernels.iter().enumerate().map(move |(n, kernel)| (format!("stages.{stage}.{n}"), kernel))
+        })
+    }
+}
+
+impl PrefilterOptions {
+    /// As [`Options::keys`], for those that have them as a group of their own.
+    pub(crate) fn keys(&self) -> Vec<Key> {
+        self.fields("prefilter.")
+    }
+
+    /// As [`Options::check`].
+    pub(crate) fn check(&self) -> Result<()> {
+        self.check_fields("prefilter.")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ErrorKind;
 
     #[test]
     fn what_is_built_in_passes_its_own_check() {
@@ -334,6 +367,27 @@ mod tests {
         assert_eq!(error.to_string(), "option 'window_radius' is 99; give 1 to 15");
         let error = Options { dark_level: f32::NAN, ..Options::default() }.check().unwrap_err();
         assert_eq!(error.kind(), ErrorKind::Usage);
+        let mut options = Options::default();
+        options.stages[1][0].bandwidth = 0.0;
+        let error = options.check().unwrap_err();
+        assert_eq!(error.to_string(), "option 'stages.1.0.bandwidth' is 0; give 0.01 to 1000000");
+        options.stages[1].clear();
+        let error = options.check().unwrap_err();
+        assert_eq!(error.to_string(), "option 'number of kernels in stages.1' is 0; give 1 to 16");
+    }
+
+    #[test]
+    fn keys_are_those_that_options_are_replaced_by_and_their_meanings_name_every_word() {
+        for key in Options::default().keys() {
+            let value: serde_json::Value = serde_json::from_str(&key.value).unwrap();
+            assert_eq!(Options::default().with(&key.name, value), Ok(Options::default()), "{}", key.name);
+            assert!(!key.meaning.is_empty() && !key.meaning.contains(['|', '\n', '[']), "{}", key.meaning);
+            let wrong = Options::default().with(&key.name, vec!["?"].into()).unwrap_err().to_string();
+            let words = wrong.split_once("expected one of ").map_or("", |(_, rest)| rest);
+            let words = words.split('`').skip(1).step_by(2);
+            words
+                .for_each(|word| assert!(key.meaning.contains(&format!("`{word}`")), "{}: {word}", key.name));
+        }
     }
 
     #[test]

@@ -5,16 +5,17 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A module (first folder or file under src) and the modules it may import besides itself.
-const ARROWS: [(&str, &[&str]); 14] = [
+const ARROWS: [(&str, &[&str]); 15] = [
     ("error", &[]),
+    ("likeness", &[]),
     ("image", &["error"]),
     ("tone", &["image"]),
     ("frame", &["error", "image"]),
-    ("options", &["error", "frame"]),
+    ("options", &["error", "frame", "likeness"]),
     ("denoise", &["error", "image", "frame", "options"]),
     ("baseline", &["error", "image", "frame", "options", "denoise"]),
     ("metrics", &["error", "image", "tone"]),
-    ("io", &["error", "image", "frame"]),
+    ("io", &["error", "image", "frame", "likeness"]),
     ("report", &["error", "image", "tone", "metrics"]),
     ("trace", &["error", "image", "frame"]),
     ("sampling", &["error", "image", "frame"]),

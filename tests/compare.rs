@@ -5,6 +5,10 @@ use std::process::{Command, Output};
 
 use apr::Frame;
 use apr::image::{Plane, Rgb};
+use exr::prelude::{Compression, IntegerBounds};
+use serde_json::json;
+
+use crate::exr_files::{float, layer, scan_lines, write};
 
 fn compare(arguments: &[&Path]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_apr-compare")).args(arguments).output().unwrap()
@@ -83,4 +87,129 @@ fn pictures_that_would_replace_an_input_or_each_other_are_refused() {
         assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
         assert!(std::fs::read(&b).unwrap() == before && !new.exists());
     }
+}
+
+/// A picture of these layers whose data window is x, y, width, height in a display window of that size at 0, 0. Every
+/// pixel is `value` times a number of its own place in the display window.
+fn windowed(path: PathBuf, window: [usize; 4], display: (usize, usize), layers: &[(&str, f32)]) -> PathBuf {
+    let [x, y, width, height] = window;
+    let pixel = |i: usize| (1 + x + i % width + 7 * (y + i / width)) as f32;
+    let plane = |value: f32| (0..width * height).map(|i| value * pixel(i)).collect::<Vec<_>>();
+    let channels = layers.iter().flat_map(|(layer, value)| {
+        ["R", "G", "B"].map(|c| {
+            let name = if layer.is_empty() { c.to_owned() } else { format!("{layer}.{c}") };
+            float(&name, plane(*value))
+        })
+    });
+    let position = (x as i32, y as i32);
+    let part = layer(None, (width, height), position, scan_lines(Compression::ZIP16), channels.collect());
+    write(&path, IntegerBounds::from_dimensions(display), vec![part]);
+    path
+}
+
+const DISPLAY: (usize, usize) = (7, 5);
+
+fn told(output: &Output) -> (Option<i32>, String, serde_json::Value) {
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    (output.status.code(), said, serde_json::from_slice(&output.stdout).unwrap_or_default())
+}
+
+#[test]
+fn the_pixels_that_all_files_have_are_compared() {
+    let folder = folder("windows");
+    let file = |name: &str, window, value| windowed(folder.join(name), window, DISPLAY, &[("", value)]);
+    let (whole, region) = (file("ref.exr", [0, 0, 7, 5], 1.0), file("region.exr", [2, 1, 4, 3], 1.0));
+    let (as_json, heat) = (Path::new("--json"), folder.join("heat.png"));
+    let (code, said, answer) = told(&compare(&[&region, &whole, as_json, Path::new("--heatmap"), &heat]));
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!((&answer["window"], &answer["results"][0]["rmse"]), (&json!([2, 1, 4, 3]), &0.0.into()));
+    assert_eq!(image::image_dimensions(heat).unwrap(), (4, 3));
+    assert!(said.contains("note: only the pixels that all have are compared, 2,1,4,3: "), "{said}");
+    assert!(said.contains("ref.exr has 0,0,7,5") && !said.contains("region.exr has"), "{said}");
+    assert!(said.lines().count() == 1, "{said}");
+
+    // Several results are compared in one window, so that their figures are of the same pixels.
+    let other = file("other.exr", [4, 0, 3, 3], 2.0);
+    let (_, said, answer) = told(&compare(&[&region, &whole, &other, as_json]));
+    assert_eq!(answer["window"], json!([4, 1, 2, 2]), "{said}");
+    assert_eq!((&answer["results"][0]["rmse"], &answer["results"][1]["energy"]), (&0.0.into(), &1.0.into()));
+    let (_, said, answer) = told(&compare(&[&whole, &whole, as_json]));
+    assert_eq!((said.as_str(), &answer["window"]), ("", &json!([0, 0, 7, 5])));
+}
+
+#[test]
+fn pictures_without_a_pixel_in_common_are_refused_with_their_windows() {
+    let folder = folder("apart");
+    let file = |name: &str, window, display| windowed(folder.join(name), window, display, &[("", 1.0)]);
+    let (left, right) = (file("left.exr", [0, 0, 3, 5], DISPLAY), file("right.exr", [3, 0, 4, 5], DISPLAY));
+    let (code, said, _) = told(&compare(&[&left, &right]));
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("left.exr: its data window 0,0,3,5 has no pixel of 3,0,4,5, which "), "{said}");
+    let crop = file("crop.exr", [0, 0, 3, 3], (3, 3));
+    let (code, said, _) = told(&compare(&[&crop, &left]));
+    assert_eq!(code, Some(4), "{said}");
+    for words in ["crop.exr: its display window is 0,0,3,3", "are 0,0,7,5 and 0,0,3,5", "; give "] {
+        assert!(said.contains(words), "{said}");
+    }
+    // Of the same pixels it does not matter what is shown of them.
+    let (code, said, _) = told(&compare(&[&file("tight.exr", [0, 0, 3, 5], (3, 5)), &left]));
+    assert_eq!((code, said.as_str()), (Some(0), ""));
+}
+
+#[test]
+fn channels_are_mapped_as_where_they_are_denoised() {
+    let folder = folder("mapped");
+    let file = |name: &str, layers| windowed(folder.join(name), [0, 0, 7, 5], DISPLAY, layers);
+    let result = file("result.exr", &[("", 1.0), ("albedo", 3.0)]);
+    let reference = file("ref.exr", &[("", 1.5), ("albedo", 2.0), ("truth", 4.0)]);
+    let energy = |maps: &[&str]| {
+        let options = maps.iter().flat_map(|map| ["--map", map]).chain(["--json"]).map(Path::new);
+        let files = [result.as_path(), &reference].into_iter();
+        told(&compare(&files.chain(options).collect::<Vec<_>>()))
+    };
+    let (_, said, answer) = energy(&["color=albedo"]);
+    assert_eq!(answer["results"][0]["energy"], 0.5, "{said}");
+    assert_eq!(answer["channels"], json!(["albedo.R", "albedo.G", "albedo.B"]));
+    let (_, _, answer) = energy(&["color=R,G,B", "reference=truth"]);
+    assert_eq!(answer["results"][0]["energy"], -0.75);
+    let (_, _, answer) = energy(&["reference=truth"]);
+    assert_eq!(
+        (&answer["channels"][0], &answer["results"][0]["channels"][0]),
+        (&"truth.R".into(), &"R".into())
+    );
+    let (_, said, answer) = energy(&["color=albedo.G"]);
+    assert_eq!(answer["results"][0]["energy"], 0.5, "one channel: {said}");
+
+    let (code, said, _) = energy(&["color=truth"]);
+    assert!(code == Some(4) && said.contains("result.exr: channel 'truth': is not there"), "{said}");
+    for (map, words) in
+        [("normal=albedo", "'normal' is nothing that is compared"), ("albedo", "is no mapping")]
+    {
+        let (code, said, _) = energy(&[map]);
+        assert!(code == Some(2) && said.contains(words), "{said}");
+    }
+}
+
+/// Of a file with several view layers one is compared, and which could have been is told.
+#[test]
+fn other_pictures_of_a_file_are_told() {
+    let folder = folder("layers");
+    let layers = [("Fore.Combined", 1.0), ("Rear.Combined", 2.0)];
+    let (file, again) = ("both.exr", "again.exr");
+    let [file, again] = [file, again].map(|name| windowed(folder.join(name), [0, 0, 7, 5], DISPLAY, &layers));
+    let (code, said, answer) = told(&compare(&[&file, &again, Path::new("--json")]));
+    assert_eq!((code, &answer["channels"][0]), (Some(0), &"Fore.Combined.R".into()), "{said}");
+    assert!(
+        said.contains("both.exr: Fore.Combined.R, Fore.Combined.G, Fore.Combined.B are compared"),
+        "{said}"
+    );
+    assert!(said.contains("'Rear.Combined' could be the colour as well: choose by --map color="), "{said}");
+    let (code, said, answer) = told(&compare(&[
+        &file,
+        &again,
+        Path::new("--map"),
+        Path::new("color=Rear.Combined"),
+        Path::new("--json"),
+    ]));
+    assert_eq!((code, said.as_str(), &answer["channels"][0]), (Some(0), "", &"Rear.Combined.R".into()));
 }

@@ -112,3 +112,51 @@ fn a_kind_that_is_none_is_told() {
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("complete-fish"));
 }
+
+#[test]
+fn the_page_of_options_is_up_to_date() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/OPTIONS.md");
+    let page = answer(PROGRAMS[0], &["--generate", "options"]);
+    if std::env::var_os("BLESS").is_some() {
+        std::fs::write(path, page).unwrap();
+        panic!("the page was written anew: look at it, then test without BLESS");
+    }
+    let written = std::fs::read_to_string(path).unwrap();
+    assert!(written == page, "docs/OPTIONS.md: write it with BLESS=1 cargo test --test all generate::");
+}
+
+/// Every option of the page is one, and what lies beyond its range is refused with the range.
+#[test]
+fn the_page_of_options_says_what_the_program_does() {
+    let page = answer(PROGRAMS[0], &["--generate", "options"]);
+    let folder = tempfile::tempdir().unwrap();
+    let mut method = "apr";
+    let mut ranges = 0;
+    for line in page.lines() {
+        if let Some(rest) = line.strip_prefix("`--method ") {
+            method = rest.split('`').next().unwrap();
+        }
+        let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
+        let Some((key, range)) = cells.first().zip(cells.iter().rev().nth(1)) else { continue };
+        let Some(key) = key.strip_prefix('`').and_then(|key| key.strip_suffix('`')) else { continue };
+        let Some((_, most)) = range.split_once(" to ") else { continue };
+        let whole = !most.contains('.') && most.parse::<u64>().is_ok();
+        assert!(whole, "{line}");
+        let key = key.replace("S.K", "0.0");
+        let value = format!("{}", most.parse::<u64>().unwrap() + 1);
+        let value = if key == "bandwidths" { format!("[0.5,{value}]") } else { value };
+        let output = Command::new(PROGRAMS[0])
+            .args(["none.exr", "out.exr", "--method", method, "--set", &format!("{key}={value}")])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        assert!(
+            said.contains(&format!("option '{key}' is ")) && said.contains(&format!("give {range}")),
+            "{said}"
+        );
+        ranges += 1;
+    }
+    assert!(ranges > 20, "{page}");
+}

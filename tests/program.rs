@@ -201,11 +201,15 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input, &out, "--profile", "povray"], &["mitsuba", "tungsten"]),
         (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),
-        (2, &[&input, &out, "--set", "no_such_option=1"], &["no_such_option", "the options are"]),
+        (
+            2,
+            &[&input, &out, "--set", "no_such_option=1"],
+            &["no_such_option", "the likest are", "--generate options"],
+        ),
         (2, &[&input, &out, "--set", "window_radius=99"], &["window_radius", "give"]),
         (2, &[&input, &out, "--set", "stages.0.0.bandwidth=wide"], &["make no sense", "bandwidth=\"wide\""]),
         (2, &[&input, &out, "--set", "window_radius=7.5"], &["window_radius=7.5", "a whole number"]),
-        (2, &[&input, &out, "--set", "outliers.enabld=true"], &["the options of outliers are", "enabled"]),
+        (2, &[&input, &out, "--set", "outliers.enabld=true"], &["the likest are 'outliers.enabled'"]),
         (2, &[&input, &out, "--memory", "100"], &["--memory of 100 bytes"]),
         (2, &[&input, &out, "--region", "5,0,18446744073709551612,4"], &["not inside the picture"]),
         (2, &[&input, &out, "--preset", "quick"], &["balanced", "published"]),
@@ -303,6 +307,37 @@ fn a_result_can_be_denoised_again() {
     }
 }
 
+/// A result that is denoised again is told, also where it is the other half; going on and merging read results as well
+/// and are no such case.
+#[test]
+fn what_is_denoised_already_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (input, once, twice, report) = (render(folder.path()), at("once.exr"), at("twice.exr"), at("r.json"));
+    let words = "once.exr: is denoised already, as its attribute apr.settings tells";
+    let complaints = |arguments: &[&Path], options: &[&str]| {
+        let (code, _, complaints) = run(program().args(arguments).args(options));
+        assert_eq!(code, 0, "{complaints}");
+        complaints
+    };
+    assert!(!complaints(&[&input, &once], &[]).contains("denoised already"));
+    assert!(!complaints(&[&input, &once], &["--skip-existing"]).contains("denoised already"));
+    let told = complaints(&[&once, &twice, Path::new("--report"), &report], &[]);
+    assert!(told.contains(&format!("{words}: ")) && told.contains("give the render itself"), "{told}");
+    let notes = serde_json::from_slice::<Value>(&std::fs::read(&report).unwrap()).unwrap();
+    let notes = notes["layout"]["notes"].as_array().unwrap().clone();
+    assert!(notes.iter().any(|note| note.as_str().unwrap().contains(words)), "{notes:?}");
+    assert_eq!(complaints(&[&once, &twice], &["--quiet"]), "");
+    let told = complaints(&[&input, &twice, Path::new("--half"), &once], &[]);
+    assert!(told.contains(words), "{told}");
+
+    let (top, bottom) = (at("top.exr"), at("bottom.exr"));
+    let height = SIZE.1 - 4;
+    complaints(&[&input, &top], &["--region", &format!("0,0,{},4", SIZE.0)]);
+    complaints(&[&input, &bottom], &["--region", &format!("0,4,{},{height}", SIZE.0)]);
+    assert_eq!(complaints(&[Path::new("merge"), &at("whole.exr"), &top, &bottom], &[]), "");
+}
+
 #[test]
 fn a_target_that_is_not_met_ends_with_its_own_code_and_a_map() {
     let folder = tempfile::tempdir().unwrap();
@@ -321,7 +356,13 @@ fn a_target_that_is_not_met_ends_with_its_own_code_and_a_map() {
     };
     let (code, said, _) = target("1e-9");
     assert_eq!(code, 10);
-    assert!(said.contains("is not met") && said.contains("more samples per pixel"), "{said}");
+    assert!(said.contains("is not met") && said.contains("more samples per pixel on the average"), "{said}");
+    // Two errors are told, each with what it is estimated from.
+    assert!(said.contains("estimated from the fits and the noise; about "), "{said}");
+    assert!(
+        said.lines().any(|line| line.contains(" -> ") && line.ends_with("(by the fits alone)")),
+        "{said}"
+    );
     assert!(output.exists(), "the result is written all the same");
     let mean = densities().iter().sum::<f64>() / (SIZE.0 * SIZE.1) as f64;
     assert!((mean - 1.0).abs() < 1e-5, "{mean}");

@@ -201,6 +201,15 @@ fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
 }
 
 #[test]
+fn a_sequence_that_is_denoised_already_is_told_once() {
+    let shot = Shot::new(&[1, 2]);
+    shot.expect(0, &["shot.####.exr", "den.####.exr"]);
+    let (_, told) = shot.expect(0, &["den.####.exr", "again.####.exr"]);
+    assert_eq!(told.matches("is denoised already").count(), 1, "{told}");
+    assert!(told.contains("note: frame 1: den.0001.exr: is denoised already"), "{told}");
+}
+
+#[test]
 fn skipping_holds_for_one_picture_and_in_place() {
     let shot = Shot::new(&[1]);
     let one = ["shot.0001.exr", "den.exr", "--skip-existing", "--sequence-report", "all.json", "--quiet"];

@@ -13,7 +13,11 @@ fn one_page_holds_every_run_and_needs_nothing_else() {
     let variants = folder.join("variants.json");
     std::fs::write(&variants, r#"[{"name": "as it comes"}]"#).unwrap();
     let rivals = folder.join("rivals.json");
-    let rival = serde_json::json!([{ "name": "<perfect>", "input": render, "picture": reference }]);
+    let again = fixtures.join(".").join("..").join("mitsuba/gallery_spp16.exr");
+    let rival = serde_json::json!([
+        { "name": "<perfect>", "input": again, "picture": reference },
+        { "name": "stranger", "input": "elsewhere.exr", "picture": "none.exr" },
+    ]);
     std::fs::write(&rivals, rival.to_string()).unwrap();
 
     let output = Command::new(env!("CARGO_BIN_EXE_apr-compare"))
@@ -29,7 +33,10 @@ fn one_page_holds_every_run_and_needs_nothing_else() {
         .arg(&rivals)
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success(), "{said}");
+    let note = "rivals.json: rival 'stranger' is left out: its input elsewhere.exr is none of this sweep's";
+    assert!(said.contains(note) && !said.contains("<perfect>"), "{said}");
 
     let json = std::fs::read_to_string(folder.join("report/sweep.json")).unwrap();
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();

@@ -129,7 +129,7 @@ def test_files_are_written_and_read_back(tmp_path):
     (ValueError, "2 planes where 3", lambda c: apr.denoise(c, albedo=2 + c, feature_halves={"albedo": (c, c[..., :2])})),
     (ValueError, "twice", lambda c: apr.denoise(c, albedo=c, features={"albedo": c})),
     (ValueError, "balanced", lambda c: apr.denoise(c, preset="magic")),
-    (ValueError, "max_order", lambda c: apr.denoise(c, options={"magic": 1})),
+    (ValueError, "max_order", lambda c: apr.denoise(c, options={"maxorder": 1})),
     (ValueError, "threads", lambda c: apr.denoise(c, threads=0)),
     (ValueError, "pixel", lambda c: apr.denoise(c[:0])),
     (TypeError, "complex", lambda c: apr.denoise(c * 1j)),

@@ -18,7 +18,7 @@ use crate::denoise::window::Window;
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, mean_of_channels};
-use crate::options::PrefilterOptions;
+use crate::options::{Key, PrefilterOptions, described};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -28,16 +28,20 @@ const BAND: usize = 16;
 /// The prior's variance of the constant, and the most that a slope may have, in units of the noise.
 const LOOSE_PRIOR: f64 = 1e8;
 
-/// Constants of the method.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Radius of the largest window, 1 to 15.
-    pub window_radius: usize,
-    /// Spacing of the first grid of centres, 1 to 64; every further one is half as wide.
-    pub spacing: usize,
-    /// The filter of noisy features.
-    pub prefilter: PrefilterOptions,
+described! {
+    /// Constants of the method.
+    #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Options {
+        /// Radius of the largest window.
+        #[range(1..=15)]
+        pub window_radius: usize,
+        /// Spacing of the first grid of centres; every further one is half as wide.
+        #[range(1..=64)]
+        pub spacing: usize,
+        /// The filter of noisy features.
+        pub prefilter: PrefilterOptions,
+    }
 }
 
 impl Default for Options {
@@ -47,14 +51,21 @@ impl Default for Options {
 }
 
 impl Options {
+    /// As [`crate::Options::keys`].
+    pub fn keys(&self) -> Vec<Key> {
+        let mut keys = self.fields("");
+        keys.retain(|key| key.name != "prefilter"); // the group of what follows
+        keys.extend(self.prefilter.keys());
+        keys
+    }
+
     /// Checks every range.
     ///
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("spacing", self.spacing, 1..=64)?;
-        super::prefilter(&self.prefilter)
+        self.check_fields("")?;
+        self.prefilter.check()
     }
 }
 

@@ -24,10 +24,9 @@ pub mod wavelet;
 use crate::denoise::{Facts, Neighbours, Observer, Part, denoise_in_sequence, denoise_part};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Denoised, Frame};
-use crate::options::{Options, PrefilterOptions, replaced};
+use crate::options::{Key, Options, replaced};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
-use std::ops::RangeInclusive;
 
 /// A way to denoise a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -158,6 +157,17 @@ impl Denoiser {
         }
     }
 
+    /// Every option with its value, by the names that [`Denoiser::with`] takes.
+    pub fn keys(&self) -> Vec<Key> {
+        match self {
+            Self::Apr(options) | Self::Student(options) => options.keys(),
+            Self::Nlm(options) => options.keys(),
+            Self::Lp(options) => options.keys(),
+            Self::Wavelet(options) => options.keys(),
+            Self::Nfor(options) => options.keys(),
+        }
+    }
+
     /// Checks every option's range.
     ///
     /// # Errors
@@ -225,30 +235,4 @@ impl Denoiser {
         denoised.summary.method = self.method().name();
         Ok(denoised)
     }
-}
-
-/// Whether an option that is a whole number is within its range.
-fn whole(name: &str, value: usize, range: RangeInclusive<usize>) -> Result<()> {
-    within(name, &value, &range)
-}
-
-/// Whether an option is within its range, which NaN never is.
-fn number(name: &str, value: f32, range: RangeInclusive<f32>) -> Result<()> {
-    within(name, &value, &range)
-}
-
-/// Whether the options of a feature filter are within their ranges.
-fn prefilter(options: &PrefilterOptions) -> Result<()> {
-    crate::Options { prefilter: *options, ..crate::Options::default() }.check()
-}
-
-fn within<T: PartialOrd + std::fmt::Display>(name: &str, value: &T, range: &RangeInclusive<T>) -> Result<()> {
-    if range.contains(value) {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}")).remedy(format!(
-        "give {} to {}",
-        range.start(),
-        range.end()
-    )))
 }

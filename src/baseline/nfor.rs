@@ -26,6 +26,7 @@ use crate::denoise::variance;
 use crate::error::Result;
 use crate::frame::{Denoised, Feature, Frame};
 use crate::image::{Plane, Rgb};
+use crate::options::{Key, described};
 use regression::regress;
 use serde::{Deserialize, Serialize};
 
@@ -41,16 +42,21 @@ const ERROR_FILTER: ([usize; 2], f32) = ([9, 1], 1.0);
 /// Estimated errors are limited to this, so that their sums stay finite.
 const LARGEST_ERROR: f64 = 1e30;
 
-/// Constants of the method; the defaults are the publication's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Radius of the windows, 1 to 15.
-    pub window_radius: usize,
-    /// Radius of the patches, 0 to 7.
-    pub patch_radius: usize,
-    /// The bandwidths between which the first pass chooses; the last pass has the second.
-    pub bandwidths: [f32; 2],
+described! {
+    /// Constants of the method; the defaults are the publication's.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Options {
+        /// Radius of the windows.
+        #[range(1..=15)]
+        pub window_radius: usize,
+        /// Radius of the patches.
+        #[range(0..=7)]
+        pub patch_radius: usize,
+        /// The bandwidths between which the first pass chooses; the last pass has the second.
+        #[range(1e-3..=1e3)]
+        pub bandwidths: [f32; 2],
+    }
 }
 
 impl Default for Options {
@@ -60,14 +66,17 @@ impl Default for Options {
 }
 
 impl Options {
+    /// As [`crate::Options::keys`].
+    pub fn keys(&self) -> Vec<Key> {
+        self.fields("")
+    }
+
     /// Checks every range.
     ///
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("patch_radius", self.patch_radius, 0..=7)?;
-        self.bandwidths.iter().try_for_each(|&k| super::number("bandwidths", k, 1e-3..=1e3))
+        self.check_fields("")
     }
 
     fn patches(&self, guide: &[Plane], variance: &[Plane]) -> Patches {

@@ -16,23 +16,30 @@ use crate::denoise::variance::smooth;
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rgb};
+use crate::options::{Key, described};
 use serde::{Deserialize, Serialize};
 
 /// Radius over which the half buffers' squared difference is averaged.
 const ERROR_RADIUS: usize = 3;
 
-/// Constants of the method; the defaults are the publication's.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Radius r of the search window, 1 to 15.
-    pub window_radius: usize,
-    /// Radius f of the patches, 0 to 7.
-    pub patch_radius: usize,
-    /// Bandwidth k.
-    pub bandwidth: f32,
-    /// Weights under this count as 0; at most 1.
-    pub threshold: f32,
+described! {
+    /// Constants of the method; the defaults are the publication's.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Options {
+        /// Radius r of the search window.
+        #[range(1..=15)]
+        pub window_radius: usize,
+        /// Radius f of the patches.
+        #[range(0..=7)]
+        pub patch_radius: usize,
+        /// Bandwidth k.
+        #[range(1e-3..=1e3)]
+        pub bandwidth: f32,
+        /// Weights under this count as 0.
+        #[range(0.0..=1.0)]
+        pub threshold: f32,
+    }
 }
 
 impl Default for Options {
@@ -42,15 +49,17 @@ impl Default for Options {
 }
 
 impl Options {
+    /// As [`crate::Options::keys`].
+    pub fn keys(&self) -> Vec<Key> {
+        self.fields("")
+    }
+
     /// Checks every range.
     ///
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("patch_radius", self.patch_radius, 0..=7)?;
-        super::number("bandwidth", self.bandwidth, 1e-3..=1e3)?;
-        super::number("threshold", self.threshold, 0.0..=1.0)
+        self.check_fields("")
     }
 }
 

@@ -17,18 +17,23 @@ use super::input::{Input, Output, relative_error};
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, mean_of_channels};
+use crate::options::{Key, described};
 use lifting::Bank;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Constants of the method.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Options {
-    /// Levels of the transform, 1 to 12; fewer where the picture is too small.
-    pub levels: usize,
-    /// Standard deviations that are subtracted from a coefficient's magnitude, 0 to 100.
-    pub deviations: f32,
+described! {
+    /// Constants of the method.
+    #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+    #[serde(default, deny_unknown_fields)]
+    pub struct Options {
+        /// Levels of the transform; fewer where the picture is too small.
+        #[range(1..=12)]
+        pub levels: usize,
+        /// Standard deviations that are subtracted from a coefficient's magnitude.
+        #[range(0.0..=100.0)]
+        pub deviations: f32,
+    }
 }
 
 impl Default for Options {
@@ -38,13 +43,17 @@ impl Default for Options {
 }
 
 impl Options {
+    /// As [`crate::Options::keys`].
+    pub fn keys(&self) -> Vec<Key> {
+        self.fields("")
+    }
+
     /// Checks every range.
     ///
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("levels", self.levels, 1..=12)?;
-        super::number("deviations", self.deviations, 0.0..=100.0)
+        self.check_fields("")
     }
 }
 

@@ -7,6 +7,7 @@ use super::channels::{Flow, Role, Statistic, VarianceKind, match_layer};
 use super::layers::{Channel, Layer};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
+use crate::likeness::by_likeness;
 
 /// A name and the channels that are to have it: `ROLE=CHANNEL[,CHANNEL…]`, `ROLE=LAYER` for all
 /// channels of a layer, or `ROLE=none` to do without.
@@ -186,32 +187,10 @@ pub(super) fn likest(wanted: &str, names: impl Iterator<Item = String>) -> Strin
     const FEW: usize = 12;
     const LIKEST: usize = 3;
     let names: BTreeSet<String> = names.filter(|name| !name.is_empty()).collect();
-    let small = wanted.to_lowercase();
-    let mut sorted: Vec<String> = names.into_iter().collect();
-    let (told, count) = if sorted.len() <= FEW { ("there are", FEW) } else { ("the likest are", LIKEST) };
-    sorted.sort_by_cached_key(|name| unlikeness(&small, &name.to_lowercase()));
+    let (told, count) = if names.len() <= FEW { ("there are", FEW) } else { ("the likest are", LIKEST) };
+    let mut sorted = by_likeness(wanted, names.into_iter().collect());
     sorted.truncate(count);
-    format!("{told} '{}'; --inspect without it lists all", sorted.join("', '"))
-}
-
-/// What holds the other comes first, then what has fewest edits for its length, in thousandths.
-fn unlikeness(a: &str, b: &str) -> (bool, usize) {
-    (!b.contains(a), 1000 * edits(a, b) / a.chars().count().max(b.chars().count()).max(1))
-}
-
-/// How many letters must be put in, taken out or changed to make `b` of `a` (Levenshtein).
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, letter) in a.chars().enumerate() {
-        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
-        for (j, other) in b.iter().enumerate() {
-            let change = diagonal + usize::from(letter != *other);
-            diagonal = row[j + 1];
-            row[j + 1] = change.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
+    format!("{told} '{}'; apr-denoise --inspect without --map lists all", sorted.join("', '"))
 }
 
 #[cfg(test)]
@@ -231,13 +210,10 @@ mod tests {
     #[test]
     fn the_likest_names_are_told() {
         let of = |names: &[&str]| likest("albdo.R", names.iter().map(|name| (*name).to_owned()));
-        assert_eq!((edits("albedo", "albdo"), edits("", "ab"), edits("kitten", "sitting")), (1, 2, 3));
-        assert!(of(&["N.X", "Albedo.R"]).starts_with("there are 'Albedo.R', 'N.X'; --inspect"));
+        assert!(of(&["N.X", "Albedo.R"]).starts_with("there are 'Albedo.R', 'N.X'; apr-denoise --inspect"));
         let many: Vec<String> = (0..20).map(|i| format!("layer{i}.Y")).collect();
         let many: Vec<&str> = many.iter().map(String::as_str).chain(["albedo.R", "albedo.G"]).collect();
         assert!(of(&many).starts_with("the likest are 'albedo.R', 'albedo.G', "), "{}", of(&many));
-        assert!(unlikeness("lft", "rgba_left") < unlikeness("lft", "a"));
-        assert!(unlikeness("key", "view.combined_key") < unlikeness("key", "view.ao"));
     }
 
     #[test]

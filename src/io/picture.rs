@@ -3,19 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use super::channels::{Renderer, VarianceKind};
-use super::decode::{ChannelAt, read_planes};
-use super::document::Document;
 use super::layout::Layout;
 use super::mapping::Mapping;
-use super::recognize::{detect, layers};
-use super::rewrite::signature_in;
-use super::roles::Casting;
-use super::source::no_color;
 use super::sums::SumCheck;
 use super::survey::Survey;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::frame::{Denoised, Frame};
-use crate::image::{Plane, Rgb};
+use crate::image::Plane;
 
 /// How to understand a file.
 #[derive(Debug, Clone, Default)]
@@ -100,34 +94,4 @@ impl Picture {
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         self.survey.write(target, denoised, aux)
     }
-}
-
-/// What the result at `path` was made by, if it was signed: see [`Picture::sign`]. Reads no pixels.
-///
-/// # Errors
-/// `Unreadable` when it is missing or no EXR file.
-pub fn signature(path: impl AsRef<Path>) -> Result<Option<String>> {
-    let document = Document::open(path.as_ref())?;
-    Ok(document.headers().iter().find_map(signature_in))
-}
-
-/// The colour of the file at `path`, for comparisons and references.
-///
-/// # Errors
-/// As [`Picture::read`].
-pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
-    let path = path.as_ref();
-    let read = || {
-        let documents = [Document::open(path)?];
-        let layers = layers(&documents, None);
-        let renderer = detect(&documents[0], &layers);
-        let casting = Casting::new(&layers, renderer, &[]);
-        let color = casting.color().ok_or_else(|| no_color(&layers))?;
-        let beauty = casting.beauty(&color);
-        let window = documents[0].headers()[beauty[0].at.part].data_window();
-        let places: Vec<ChannelAt> = beauty.iter().map(|channel| channel.at).collect();
-        let planes = read_planes(&documents[0], &places, window)?;
-        planes.try_into().map_err(|_| no_color(&layers))
-    };
-    read().map_err(|error: Error| error.in_file(path))
 }

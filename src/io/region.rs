@@ -91,16 +91,6 @@ impl Mark {
     }
 }
 
-/// The region of a picture that the result at `path` holds: x, y, width, height in the file's pixel coordinates; none
-/// where it is a whole one. Reads no pixels.
-///
-/// # Errors
-/// `Unreadable` when it is missing or no EXR file.
-pub fn region(path: impl AsRef<Path>) -> Result<Option<[i64; 4]>> {
-    let document = Document::open(path.as_ref())?;
-    Ok(document.headers().iter().find_map(Mark::of).map(|mark| mark.region))
-}
-
 /// Writes the pixels of `place.region`, whose new channels have its size.
 ///
 /// # Errors

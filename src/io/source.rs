@@ -294,7 +294,11 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
     Ok(documents)
 }
 
-fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
+pub(super) fn mapped_choices(
+    options: &ReadOptions,
+    documents: &[Document],
+    layers: &[Layer],
+) -> Result<Vec<Choice>> {
     let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
     let names = |channel| full_names(documents, channel);
     let mappings = options.map.iter().chain(&options.features);
@@ -343,7 +347,7 @@ fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
 }
 
 /// The name that tells a channel from all others of its file: where it has several parts, with its part's.
-fn told_name(documents: &[Document], channel: Channel) -> String {
+pub(super) fn told_name(documents: &[Document], channel: Channel) -> String {
     let parts = documents[channel.file].headers().len();
     let mut names = full_names(documents, channel);
     let part = documents[channel.file].part_name(channel.at.part).unwrap_or_default();

@@ -11,7 +11,7 @@ use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
 use super::region::{Place, told, write_region};
-use super::rewrite::{Addition, Replacement, rewrite};
+use super::rewrite::{Addition, Replacement, rewrite, signature_in};
 use super::source::{Held, Source, bands, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
 use super::variance::Noise;
@@ -81,6 +81,7 @@ impl Survey {
         };
         let mut layout = main.layout.clone();
         layout.half = options.half.as_ref().map(|half| half.display().to_string());
+        layout.notes.extend(std::iter::once(&main).chain(&half).filter_map(note_denoised));
         let survey = Self { main, half, layout, signature: None };
         Ok((survey, planes.map(|planes| (planes, half_planes))))
     }
@@ -151,7 +152,7 @@ impl Survey {
     }
 
     /// Has the results say in their attribute `apr.settings` what they were made by;
-    /// [`signature`](super::signature) reads it back. Keep to ASCII: what other letters become is not
+    /// [`provenance`](super::provenance()) reads it back. Keep to ASCII: what other letters become is not
     /// promised.
     pub fn sign(&mut self, signature: impl Into<String>) {
         self.signature = Some(signature.into());
@@ -267,6 +268,18 @@ impl Survey {
         }
         Ok(())
     }
+}
+
+/// Tells of a file that is a result itself: what noise it still has is none that anything here expects.
+fn note_denoised(source: &Source) -> Option<String> {
+    let file = &source.documents[0];
+    file.headers().iter().find_map(signature_in).map(|_| {
+        let file = file.path().display();
+        format!(
+            "{file}: is denoised already, as its attribute apr.settings tells: its noise is no longer the render's, so that \
+             detail passes for noise and the estimated error is wrong; give the render itself"
+        )
+    })
 }
 
 /// Refuses another half whose pixels are not the first's.

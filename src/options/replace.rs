@@ -4,6 +4,10 @@ use serde_json::Value;
 
 use super::Options;
 use crate::error::{Error, ErrorKind, Result};
+use crate::likeness::by_likeness;
+
+/// Where all options stand with their ranges.
+const ALL_TOLD: &str = "docs/OPTIONS.md (apr-denoise --generate options) lists all";
 
 impl Options {
     /// The options with the one called `key` replaced, whose dots go into depth (`outliers.enabled`,
@@ -30,7 +34,7 @@ pub(crate) fn replaced<T: serde::Serialize>(
     let mut value =
         serde_json::to_value(options).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
     let path: Vec<&str> = key.trim().split('.').collect();
-    let known = known_beside(&value, &path);
+    let known = likest(key.trim(), &value);
     let slot = value.pointer_mut(&format!("/{}", path.join("/")));
     let slot = slot.ok_or_else(|| usage(format!("there is no option '{key}'")).remedy(known))?;
     let given = new.to_string();
@@ -38,25 +42,30 @@ pub(crate) fn replaced<T: serde::Serialize>(
     parse(value).map_err(|error| {
         // Serde names types of Rust, which say little to others.
         let why = error.to_string().replace("expected usize", "expected a whole number");
-        usage(format!("the options make no sense with {key}={given}: {why}"))
-            .remedy("see the documentation of apr::Options and apr::baseline")
+        usage(format!("the options make no sense with {key}={given}: {why}")).remedy(ALL_TOLD)
     })
 }
 
-/// In words, the options among which the one at `path` was looked for and not found.
-fn known_beside(options: &Value, path: &[&str]) -> String {
-    let (mut group, mut depth) = (options, 0);
-    while let Some(inner) = path.get(depth).and_then(|name| group.pointer(&format!("/{name}"))) {
-        (group, depth) = (inner, depth + 1);
-    }
-    let of = if depth == 0 { String::new() } else { format!(" of {}", path[..depth].join(".")) };
+/// In words, the options of `all` whose names are the likest to `wanted`.
+fn likest(wanted: &str, all: &Value) -> String {
+    const TOLD: usize = 3;
+    let mut names = Vec::new();
+    collect("", all, &mut names);
+    let mut sorted = by_likeness(wanted, names);
+    sorted.truncate(TOLD);
+    format!("the likest are '{}'; {ALL_TOLD}", sorted.join("', '"))
+}
+
+/// The names of everything in `group`, whose own name, with its dot, is `before`.
+fn collect(before: &str, group: &Value, names: &mut Vec<String>) {
+    let mut add = |key: &str, inner: &Value| {
+        names.push(format!("{before}{key}"));
+        collect(&format!("{before}{key}."), inner, names);
+    };
     match group {
-        Value::Object(all) => {
-            let names: Vec<&str> = all.keys().map(String::as_str).collect();
-            format!("the options{of} are {}", names.join(", "))
-        }
-        Value::Array(all) if !all.is_empty() => format!("the options{of} are 0 to {}", all.len() - 1),
-        _ => format!("there are no options{of}"),
+        Value::Object(all) => all.iter().for_each(|(key, inner)| add(key, inner)),
+        Value::Array(all) => all.iter().enumerate().for_each(|(i, inner)| add(&i.to_string(), inner)),
+        _ => {}
     }
 }
 
@@ -76,10 +85,15 @@ mod tests {
         let told = |key: &str, new: Value| Options::default().with(key, new).unwrap_err().to_string();
         let fraction = told("window_radius", 7.5.into());
         assert!(fraction.contains("window_radius=7.5") && fraction.contains("a whole number"), "{fraction}");
-        let inner = told("outliers.enabld", true.into());
-        assert!(inner.contains("the options of outliers are ") && inner.contains("enabled"), "{inner}");
-        assert!(!inner.contains("window_radius"), "{inner}");
-        assert!(told("stages.9", true.into()).contains("the options of stages are 0 to "));
-        assert!(told("coarse.x", true.into()).contains("there are no options of coarse"));
+        for (key, likest) in [
+            ("outliers.enabld", "outliers.enabled"),
+            ("windowradius", "window_radius"),
+            ("witnesses", "outliers.witnesses"),
+            ("stages.9", "stages.0"),
+            ("coarse.x", "coarse"),
+        ] {
+            let told = told(key, true.into());
+            assert!(told.contains(&format!("the likest are '{likest}', ")), "{told}");
+        }
     }
 }

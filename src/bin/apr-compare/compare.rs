@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use apr::Result;
+use apr::error::{Error, ErrorKind, Result};
 use apr::image::Rgb;
-use apr::io::{self, RunFile};
+use apr::io::{self, Beauty, Mapping, RunFile};
 use apr::metrics::{self, Scores};
 use apr::report::png;
+
+use crate::answer::complain;
 
 /// What to compare, and how to show it.
 #[derive(clap::Args)]
@@ -17,6 +19,10 @@ pub struct CompareArguments {
     reference: PathBuf,
     /// Further pictures to judge, against the same reference.
     more: Vec<PathBuf>,
+    /// Compare these channels instead of the colour that is recognised: those of color in every file, those of reference
+    /// in the reference. CHANNELS is a list of channels, a layer, a part or a view.
+    #[arg(long, value_name = "color|reference=CHANNELS")]
+    map: Vec<Mapping>,
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
@@ -29,17 +35,27 @@ pub struct CompareArguments {
     side_by_side: Option<PathBuf>,
 }
 
+/// What is compared, in the window that all files have.
+struct Compared {
+    window: [i64; 4],
+    reference: Beauty,
+    results: Vec<Beauty>,
+}
+
 /// Compares and answers with the table or the JSON.
 ///
 /// # Errors
 /// When a picture cannot be read, compared or written.
 pub fn run(arguments: &CompareArguments) -> Result<String> {
     check_files(arguments)?;
-    let reference = io::read_rgb(&arguments.reference)?;
-    metrics::finite(&reference, "the reference").map_err(|e| e.in_file(&arguments.reference))?;
     let paths: Vec<&Path> =
         std::iter::once(&arguments.result).chain(&arguments.more).map(PathBuf::as_path).collect();
-    let results = paths.iter().map(io::read_rgb).collect::<Result<Vec<_>>>()?;
+    let compared = Compared::new(arguments, &paths)?;
+    compared.notes(arguments, &paths).iter().for_each(|note| complain(&format!("note: {note}")));
+    let reference = compared.reference.read(compared.window)?;
+    metrics::finite(&reference, "the reference").map_err(|e| e.in_file(&arguments.reference))?;
+    let read = |result: &Beauty| result.read(compared.window);
+    let results = compared.results.iter().map(read).collect::<Result<Vec<_>>>()?;
     let scores = paths
         .iter()
         .zip(&results)
@@ -52,7 +68,61 @@ pub fn run(arguments: &CompareArguments) -> Result<String> {
         let pictures: Vec<&Rgb> = results.iter().chain([&reference]).collect();
         io::write_bytes(path, &png::side_by_side(&pictures)?)?;
     }
-    if arguments.json { json(arguments, &paths, &scores) } else { Ok(table(&paths, &scores)) }
+    if arguments.json { json(arguments, &paths, &compared, &scores) } else { Ok(table(&paths, &scores)) }
+}
+
+impl Compared {
+    fn new(arguments: &CompareArguments, paths: &[&Path]) -> Result<Self> {
+        let (of_results, of_reference) = mappings(&arguments.map)?;
+        let reference = Beauty::find(&arguments.reference, &of_reference)?;
+        let found = paths.iter().map(|path| Beauty::find(path, &of_results));
+        let results = found.collect::<Result<Vec<_>>>()?;
+        let window = results
+            .iter()
+            .try_fold(reference.window(), |window, result| result.shared(&reference, window))?;
+        Ok(Self { window, reference, results })
+    }
+
+    /// What is compared where that is not plain.
+    fn notes(&self, arguments: &CompareArguments, paths: &[&Path]) -> Vec<String> {
+        let paths = paths.iter().copied().chain([arguments.reference.as_path()]);
+        let files: Vec<_> = paths.zip(self.results.iter().chain([&self.reference])).collect();
+        let larger = files.iter().filter(|(_, file)| file.window() != self.window);
+        let larger: Vec<String> =
+            larger.map(|(path, file)| format!("{} has {}", path.display(), text(file.window()))).collect();
+        let window = (!larger.is_empty()).then(|| {
+            format!(
+                "only the pixels that all have are compared, {}: {}",
+                text(self.window),
+                larger.join(", ")
+            )
+        });
+        let unsure = files.iter().filter(|(_, file)| arguments.map.is_empty() && !file.others().is_empty());
+        let unsure = unsure.map(|(path, file)| {
+            let (channels, others) = (file.channels().join(", "), file.others().join("', '"));
+            let path = path.display();
+            format!("{path}: {channels} are compared; '{others}' could be the colour as well: choose by --map color=…")
+        });
+        window.into_iter().chain(unsure).collect()
+    }
+}
+
+/// What is mapped in the results, and in the reference.
+fn mappings(map: &[Mapping]) -> Result<(Vec<Mapping>, Vec<Mapping>)> {
+    let is = |mapping: &&Mapping, name: &str| mapping.name.eq_ignore_ascii_case(name);
+    let color: Vec<Mapping> = map.iter().filter(|m| is(m, "color") || is(m, "colour")).cloned().collect();
+    let of_reference = map.iter().filter(|m| is(m, "reference"));
+    let of_reference: Vec<Mapping> =
+        of_reference.map(|m| Mapping { name: "color".to_owned(), ..m.clone() }).collect();
+    if let Some(other) = map.iter().find(|m| !["color", "colour", "reference"].iter().any(|name| is(m, name)))
+    {
+        let what = format!("--map: '{}' is nothing that is compared", other.name);
+        return Err(Error::new(ErrorKind::Usage, what).remedy(
+            "give color=CHANNELS, as in color=albedo, and reference=CHANNELS where the reference calls them otherwise",
+        ));
+    }
+    let reference = if of_reference.is_empty() { color.clone() } else { of_reference };
+    Ok((color, reference))
 }
 
 /// Checks, before any work, that pictures can be written and destroy nothing.
@@ -96,23 +166,46 @@ fn table(paths: &[&Path], scores: &[Scores]) -> String {
     text
 }
 
-fn json(arguments: &CompareArguments, paths: &[&Path], scores: &[Scores]) -> Result<String> {
+fn json(
+    arguments: &CompareArguments,
+    paths: &[&Path],
+    compared: &Compared,
+    scores: &[Scores],
+) -> Result<String> {
     #[derive(serde::Serialize)]
-    struct Row {
+    struct Row<'a> {
         result: String,
+        channels: &'a [String],
         #[serde(flatten)]
         scores: Scores,
     }
     #[derive(serde::Serialize)]
-    struct Answer {
+    struct Answer<'a> {
         reference: String,
-        results: Vec<Row>,
+        channels: &'a [String],
+        /// x, y, width and height of what is compared.
+        window: [i64; 4],
+        results: Vec<Row<'a>>,
     }
-    let results =
-        paths.iter().zip(scores).map(|(path, &scores)| Row { result: shown(path), scores }).collect();
-    apr::report::json(&Answer { reference: shown(&arguments.reference), results })
+    let rows = paths.iter().zip(&compared.results).zip(scores);
+    let results = rows.map(|((path, result), &scores)| Row {
+        result: shown(path),
+        channels: result.channels(),
+        scores,
+    });
+    apr::report::json(&Answer {
+        reference: shown(&arguments.reference),
+        channels: compared.reference.channels(),
+        window: compared.window,
+        results: results.collect(),
+    })
 }
 
 fn shown(path: &Path) -> String {
     path.display().to_string()
+}
+
+/// A window as `--region` has it.
+fn text(window: [i64; 4]) -> String {
+    window.map(|number| number.to_string()).join(",")
 }

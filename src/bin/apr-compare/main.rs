@@ -24,7 +24,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 ///
 /// Prints RMSE, relMSE (epsilon 0.01), relMSE without the worst 0.1 % of the pixels, SMAPE, SSIM of
 /// the tone-mapped luminance, and the difference in energy. A pixel that is NaN or infinite is an
-/// error.
+/// error. Where data windows differ, as after --region, the pixels that all files have are compared.
 #[derive(Parser)]
 #[command(name = "apr-compare", version, after_help = EXIT_CODES)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -44,12 +44,12 @@ const EXIT_CODES: &str = "Exit codes:
   0    done
   2    usage: an option or argument makes no sense
   3    an input is missing, damaged, or uses a feature that is not supported
-  4    the pictures cannot be compared: sizes that differ, pixels that are not finite
+  4    the pictures cannot be compared: no pixel in common, no such channels, pixels that are not finite
   5    the result cannot be written
   70   a defect of this program";
 
 fn main() -> ExitCode {
-    let arguments = generate::parse::<CommandLine>();
+    let arguments = generate::parse::<CommandLine>(&[]);
     failure::told(|| match (&arguments.command, &arguments.compare) {
         (Some(Command::Sweep(sweep)), _) => answer::print(sweep::run(sweep)?.trim_end()),
         (None, Some(compare)) => answer::print(compare::run(compare)?.trim_end()),

@@ -12,6 +12,7 @@ use apr::report::{self, page, png};
 use apr::{Error, ErrorKind, Frame, Result};
 use serde::Deserialize;
 
+use crate::answer::complain;
 use crate::processor;
 use crate::variants::{Variant, read_text, variants};
 
@@ -34,7 +35,7 @@ pub struct SweepArguments {
     #[arg(long, value_name = "FILE.json")]
     variants: Option<PathBuf>,
     /// Results of other denoisers: a JSON array of {"name": …, "input": …, "picture": …, "seconds": …,
-    /// "processor_seconds": …}; input as given here, picture an EXR (relative to the JSON), both kinds of
+    /// "processor_seconds": …}; input one of those given here (others are left out and named), picture an EXR (relative to the JSON), both kinds of
     /// seconds may be left out.
     #[arg(long, value_name = "FILE.json")]
     rivals: Option<PathBuf>,
@@ -68,6 +69,7 @@ pub fn run(arguments: &SweepArguments) -> Result<String> {
     let variants = variants(arguments.variants.as_deref())?;
     let rivals = rivals(arguments.rivals.as_deref())?;
     check_files(arguments, &rivals)?;
+    tell_of_strangers(arguments, &rivals);
     let reference_file = Picture::read(&arguments.reference, &ReadOptions::default())?;
     let reference = reference_file.frame().color();
     let read = ReadOptions { spp: arguments.spp, ..ReadOptions::default() };
@@ -126,7 +128,7 @@ impl Trial<'_> {
         for variant in variants {
             runs.push(self.variant(variant, repeat, &mut layers)?);
         }
-        for rival in rivals.iter().filter(|rival| rival.input == self.path) {
+        for rival in rivals.iter().filter(|rival| io::is_same_file(&rival.input, self.path)) {
             let color = io::read_rgb(&rival.picture)?;
             let scores =
                 metrics::scores(&color, self.reference).map_err(|error| error.in_file(&rival.picture))?;
@@ -201,6 +203,20 @@ fn rivals(path: Option<&Path>) -> Result<Vec<Rival>> {
     let folder = path.parent().unwrap_or(Path::new(""));
     rivals.iter_mut().for_each(|rival| rival.picture = folder.join(&rival.picture));
     Ok(rivals)
+}
+
+/// Names the rivals that are of no input of this sweep: one list may be of many scenes, or a name mistaken.
+fn tell_of_strangers(arguments: &SweepArguments, rivals: &[Rival]) {
+    let is_stranger =
+        |rival: &&Rival| !arguments.inputs.iter().any(|input| io::is_same_file(&rival.input, input));
+    for Rival { name, input, .. } in rivals.iter().filter(is_stranger) {
+        let list = arguments.rivals.as_deref().unwrap_or(Path::new("")).display();
+        let input = input.display();
+        complain(&format!(
+            "note: {list}: rival '{name}' is left out: its input {input} is none of this sweep's; name it as on the \
+             command line"
+        ));
+    }
 }
 
 /// Checks that the page and its charts, whose names follow from the inputs', replace nothing that is read and not

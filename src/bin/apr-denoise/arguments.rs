@@ -75,8 +75,8 @@ pub struct Arguments {
     /// density.Y, 1 on the average): multiply it by the pass's samples per pixel.
     #[arg(long, value_name = "FILE.exr")]
     pub sampling_map: Option<PathBuf>,
-    /// Tell how many samples are still needed for this estimated mean relative squared error, and end with
-    /// 10 where there are any. The result is written all the same.
+    /// Tell how many samples, placed as --sampling-map asks, are still needed for this mean relative squared error,
+    /// estimated from the fits and the noise, and end with 10 where there are any. The result is written all the same.
     #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
     /// Print nothing but errors.
@@ -162,7 +162,8 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME", value_parser = preset(), help_heading = "Denoiser")]
     pub preset: Option<Preset>,
     /// Set one option of the method; VALUE is JSON, KEY may go into depth with dots, as in
-    /// outliers.deviations=10. --preset comes first, then --options, then --set in its order.
+    /// outliers.deviations=10. --preset comes first, then --options, then --set in its order. --generate options
+    /// lists all with their defaults and ranges.
     #[arg(long, value_name = "KEY=VALUE", help_heading = "Denoiser")]
     pub set: Vec<String>,
     /// Read options of the method from a JSON object.

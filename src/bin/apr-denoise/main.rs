@@ -12,6 +12,7 @@ mod parts;
 mod pattern;
 mod plan;
 mod progress;
+mod reference;
 mod report;
 mod run;
 mod sampling;
@@ -34,11 +35,14 @@ use plan::Plan;
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
+/// Of `--generate`.
+const OPTIONS: generate::Page = ("options", "the options of --set (Markdown)", reference::page);
+
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
 
 fn main() -> ExitCode {
-    let CommandLine { command, denoise: arguments } = generate::parse();
+    let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
         (Some(Command::Merge { output, regions }), _) => merge(output, regions),

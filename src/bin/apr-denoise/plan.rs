@@ -289,10 +289,10 @@ impl Plan {
         }
         let wanted = self.signature(signature, job, arguments.temporal);
         let region = arguments.region.map(Region::numbers);
-        let region_there = io::region(&job.output).ok().flatten();
-        Ok(match io::signature(&job.output).ok().flatten() {
-            Some(_) if region != region_there => {
-                let [there, wanted] = [region_there, region].map(words);
+        let there = io::provenance(&job.output).unwrap_or_default(); // what is no EXR file, nobody signed
+        Ok(match there.signature {
+            Some(_) if region != there.region => {
+                let [there, wanted] = [there.region, region].map(words);
                 Found::Otherwise(format!("it holds {there} and not {wanted}"))
             }
             Some(found) if found == wanted => match job.targets().find(|target| !target.path.exists()) {

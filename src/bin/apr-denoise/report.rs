@@ -119,8 +119,11 @@ impl<'a> Report<'a> {
         let error = &self.estimated_error;
         let before = error.relative_before.map_or("unknown".to_owned(), |before| format!("{before:.2e}"));
         let sums: String = self.sums.iter().map(|sum| sum_line(sum) + "\n").collect();
+        // Beside the error that a target is held against it must be told which one this is.
+        let by =
+            self.sampling.and_then(|sampling| sampling.target_error).map_or("", |_| " (by the fits alone)");
         format!(
-            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}",
+            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}{by}",
             self.output, error.relative_after
         )
     }

@@ -19,13 +19,15 @@ const CHANNEL: &str = "density.Y";
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
 pub struct Sampling {
-    /// Estimated mean relative squared error (ε = 0.01) of the result, where the method has an estimate.
+    /// Estimated mean relative squared error (ε = 0.01) of the result, where the method has an estimate: by the fits and
+    /// the noise together, while the report's `estimated_error` is by the fits alone.
     pub estimated_error: Option<f64>,
     /// The error that was asked for.
     pub target_error: Option<f32>,
     /// Whether the estimate is at most that.
     pub target_met: Option<bool>,
-    /// Samples per pixel still needed, on the average over the picture, as a multiple of those there are.
+    /// Samples per pixel still needed, on the average over the picture, as a multiple of those there are; placed where
+    /// they take most from the error, as the sampling map does it.
     pub needed_share: Option<f64>,
     /// The same as a number of samples per pixel, where the file tells how many there are.
     pub needed_per_pixel: Option<f64>,
@@ -81,14 +83,18 @@ impl Sampling {
     /// In one line, for people; none without a target.
     pub fn line(&self) -> Option<String> {
         let (target, share, error) = (self.target_error?, self.needed_share?, self.estimated_error?);
+        let by = format!("{error:.2e}, estimated from the fits and the noise");
         if self.target_met == Some(true) {
-            return Some(format!("target error {target:.2e} is met: estimated {error:.2e}"));
+            return Some(format!("target error {target:.2e} is met: {by}"));
         }
         let needed = match self.needed_per_pixel {
-            Some(spp) => format!("about {:.0} more samples per pixel", spp.ceil()),
+            Some(spp) => format!("about {:.0} more samples per pixel on the average", spp.ceil()),
             None => format!("about {share:.2} times the samples there are, on top of them,"),
         };
-        Some(format!("target error {target:.2e} is not met: estimated {error:.2e}, {needed} are needed"))
+        Some(format!(
+            "target error {target:.2e} is not met: {by}; {needed} are needed where --sampling-map places them, and more \
+             where they are spread evenly"
+        ))
     }
 }
 

@@ -6,6 +6,8 @@ use serde_json::Value;
 
 use crate::arguments::Arguments;
 
+const EXAMPLE: &str = "write a JSON object, such as {\"max_order\": 2}";
+
 /// The method with its options: its own or the preset's, then the file's, then each `--set` in turn.
 ///
 /// # Errors
@@ -27,7 +29,9 @@ pub fn denoiser(arguments: &Arguments) -> Result<Denoiser> {
         })?;
         let given = serde_json::from_str(&text).map_err(|error| usage(&error).in_file(path))?;
         let Value::Object(given) = given else {
-            return Err(Error::new(ErrorKind::Usage, "is no JSON object of options").in_file(path));
+            return Err(Error::new(ErrorKind::Usage, "is no JSON object of options")
+                .remedy(EXAMPLE)
+                .in_file(path));
         };
         for (key, new) in given {
             options = options.with(&key, new).map_err(|error| error.in_file(path))?;
@@ -50,6 +54,5 @@ pub fn denoiser(arguments: &Arguments) -> Result<Denoiser> {
 }
 
 fn usage(error: &serde_json::Error) -> Error {
-    Error::new(ErrorKind::Usage, format!("the options make no sense: {error}"))
-        .remedy("see the documentation of apr::Options and apr::baseline")
+    Error::new(ErrorKind::Usage, format!("the options make no sense: {error}")).remedy(EXAMPLE)
 }

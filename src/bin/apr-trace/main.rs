@@ -129,7 +129,7 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 }
 
 fn main() -> ExitCode {
-    let args = generate::parse::<Args>();
+    let args = generate::parse::<Args>(&[]);
     failure::told(|| run(&args))
 }
 
