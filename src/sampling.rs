@@ -12,12 +12,7 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Denoised;
 use crate::image::Plane;
-
-/// Keeps relative errors finite in the dark: the value of relMSE.
-const EPSILON: f32 = 0.01;
-
-/// Radius over which relative errors are averaged. `[choice]` 1 to 3 differ by 1 %, 5 is 3 % worse.
-const RADIUS: usize = 2;
+use crate::metrics::REL_MSE_EPSILON;
 
 /// Options of the allocation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,14 +36,14 @@ impl Default for SamplingOptions {
     }
 }
 
-/// The estimated relative squared error (as in relMSE, ε = 0.01) of every pixel. Finite and ≥ 0, whatever the picture
-/// holds; 0 everywhere where the method has no estimate.
+/// The estimated relative squared error (as in relMSE) of every pixel, ≥ 0; 0 everywhere where the method has no estimate.
 pub fn relative_error(denoised: &Denoised) -> Plane {
     let (width, height) = denoised.mse.size();
-    smooth(&Plane::par_from_fn(width, height, |x, y| {
-        let squares = denoised.color.iter().map(|plane| plane.get(x, y).powi(2) + EPSILON);
-        denoised.mse.get(x, y) * squares.map(f32::recip).sum::<f32>() / 3.0
-    }))
+    Plane::par_from_fn(width, height, |x, y| {
+        let light = denoised.color.iter().map(|plane| plane.get(x, y).powi(2));
+        let relative = light.map(|light| (light + REL_MSE_EPSILON as f32).recip()).sum::<f32>() / 3.0;
+        denoised.mse.get(x, y) * relative
+    })
 }
 
 /// The mean of an error plane, which is what a target is compared with.
@@ -259,23 +254,6 @@ fn round(shares: &[f64], width: usize, budget: u64) -> Vec<u64> {
     }
     samples[last] += budget - given;
     samples
-}
-
-/// The mean of the finite values around every pixel; 0 where there are none.
-fn smooth(plane: &Plane) -> Plane {
-    let (width, height) = plane.size();
-    let around = |i: usize, n: usize| i.saturating_sub(RADIUS)..(i + RADIUS + 1).min(n);
-    let rows: Vec<(f64, u32)> = (0..width * height)
-        .map(|i| {
-            let finite = plane.row(i / width)[around(i % width, width)].iter().filter(|v| v.is_finite());
-            finite.fold((0.0, 0), |(sum, n), v| (sum + f64::from(v.max(0.0)), n + 1))
-        })
-        .collect();
-    Plane::par_from_fn(width, height, |x, y| {
-        let column = around(y, height).map(|row| rows[row * width + x]);
-        let (sum, count) = column.fold((0.0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        if count > 0 { (sum / f64::from(count)) as f32 } else { 0.0 }
-    })
 }
 
 #[cfg(test)]

@@ -76,7 +76,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.exr")]
     pub sampling_map: Option<PathBuf>,
     /// Tell how many samples, placed as --sampling-map asks, are still needed for this mean relative squared error,
-    /// estimated from the fits and the noise, and end with 10 where there are any. The result is written all the same.
+    /// estimated, and end with 10 where there are any. The result is written all the same.
     #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
     /// Print nothing but errors.

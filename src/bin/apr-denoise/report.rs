@@ -4,6 +4,7 @@ use apr::baseline::Denoiser;
 use apr::denoise::Stage;
 use apr::image::{Plane, Rect, mean_of_channels};
 use apr::io::{Layout, RoleLayout, SumCheck};
+use apr::metrics::REL_MSE_EPSILON;
 use apr::{Denoised, Frame, Options, Summary};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -119,11 +120,8 @@ impl<'a> Report<'a> {
         let error = &self.estimated_error;
         let before = error.relative_before.map_or("unknown".to_owned(), |before| format!("{before:.2e}"));
         let sums: String = self.sums.iter().map(|sum| sum_line(sum) + "\n").collect();
-        // Beside the error that a target is held against it must be told which one this is.
-        let by =
-            self.sampling.and_then(|sampling| sampling.target_error).map_or("", |_| " (by the fits alone)");
         format!(
-            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}{by}",
+            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}",
             self.output, error.relative_after
         )
     }
@@ -223,15 +221,13 @@ impl ErrorSums {
 
     /// Of row `y` of `denoised`, where `input` is the input's error.
     fn of_row(input: Option<&[f32]>, denoised: &Denoised, y: usize) -> Self {
-        /// The same as in relMSE: keeps black pixels from deciding everything.
-        const EPSILON: f64 = 0.01;
         let mut sums = Self::default();
         for (x, &after) in denoised.mse.row(y).iter().enumerate() {
-            let color = denoised.color.iter().map(|plane| f64::from(plane.get(x, y)));
-            let scale = (color.sum::<f64>() / 3.0).powi(2) + EPSILON;
+            let light = denoised.color.iter().map(|plane| f64::from(plane.get(x, y)).powi(2));
+            let relative = light.map(|light| (light + REL_MSE_EPSILON).recip()).sum::<f64>() / 3.0;
             let add = |means: &mut [Mean; 2], error: f32| {
                 let error = f64::from(error);
-                means.iter_mut().zip([error, error / scale]).for_each(|(mean, error)| mean.add(error));
+                means.iter_mut().zip([error, error * relative]).for_each(|(mean, error)| mean.add(error));
             };
             add(&mut sums.after, after);
             if let Some(input) = input {

@@ -19,8 +19,7 @@ const CHANNEL: &str = "density.Y";
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
 pub struct Sampling {
-    /// Estimated mean relative squared error (ε = 0.01) of the result, where the method has an estimate: by the fits and
-    /// the noise together, while the report's `estimated_error` is by the fits alone.
+    /// Estimated mean relative squared error (ε = 0.01) of the result, where the method has an estimate.
     pub estimated_error: Option<f64>,
     /// The error that was asked for.
     pub target_error: Option<f32>,
@@ -83,7 +82,7 @@ impl Sampling {
     /// In one line, for people; none without a target.
     pub fn line(&self) -> Option<String> {
         let (target, share, error) = (self.target_error?, self.needed_share?, self.estimated_error?);
-        let by = format!("{error:.2e}, estimated from the fits and the noise");
+        let by = format!("{error:.2e}, estimated");
         if self.target_met == Some(true) {
             return Some(format!("target error {target:.2e} is met: {by}"));
         }
