@@ -102,8 +102,8 @@ impl From<Frame> for Cow<'_, Frame> {
 pub(crate) struct Outline {
     /// Width and height.
     pub size: (usize, usize),
-    /// The features' names and how many planes each has.
-    pub features: Vec<(String, usize)>,
+    /// The features' names, what they describe, and how many planes each has.
+    pub features: Vec<(String, FeatureKind, usize)>,
     /// The AOVs' names.
     pub aovs: Vec<String>,
 }
@@ -252,10 +252,10 @@ impl Frame {
     }
 
     pub(crate) fn outline(&self) -> Outline {
-        let features = self.features.iter().map(|feature| (feature.name.clone(), feature.planes.len()));
+        let feature = |feature: &Feature| (feature.name.clone(), feature.kind, feature.planes.len());
         Outline {
             size: (self.width(), self.height()),
-            features: features.collect(),
+            features: self.features.iter().map(feature).collect(),
             aovs: self.aovs.iter().map(|aov| aov.name.clone()).collect(),
         }
     }
