@@ -47,6 +47,18 @@ impl Feature {
     pub fn new(name: impl Into<String>, kind: FeatureKind, planes: Vec<Plane>) -> Self {
         Self { name: name.into(), kind, planes, var_of_mean: None, halves: None }
     }
+
+    /// Adds the variance of the mean, one plane per component.
+    #[must_use]
+    pub fn with_variance_of_mean(self, var_of_mean: Vec<Plane>) -> Self {
+        Self { var_of_mean: Some(var_of_mean), ..self }
+    }
+
+    /// Adds the means of two independent halves of the samples; their average is the feature.
+    #[must_use]
+    pub fn with_halves(self, halves: [Vec<Plane>; 2]) -> Self {
+        Self { halves: Some(halves), ..self }
+    }
 }
 
 /// A further picture that belongs to the beauty (an AOV, a light group): it goes through the very

@@ -32,6 +32,7 @@ pub struct Guide {
     /// The noise and the tolerance's squares, summed over the planes: what differences are measured by.
     level: Vec<f32>,
     stride: usize,
+    epsilon: f32,
     pad: usize,
 }
 
@@ -106,7 +107,14 @@ impl Guide {
             }
             level.iter_mut().zip(&*noise).for_each(|(level, noise)| *level += noise);
         });
-        Self { planes, variances, noise, level, stride, pad }
+        Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad }
+    }
+
+    /// The same of planes of any unit: by an ε that is less than any variance. By the picture's a feature in a
+    /// millionth of its unit was filtered so that the result's error was ×1.5.
+    #[must_use]
+    pub fn of_any_unit(self) -> Self {
+        Self { epsilon: f32::MIN_POSITIVE, ..self }
     }
 
     /// The same of `planes` with these `variances`.
@@ -156,7 +164,7 @@ impl Guide {
         let (p, length, radius) = (at(x, y), distance_stride(radius), radius as isize);
         let all = |value: f32| simd.splat_f32s(value);
         let here: [_; 3] = std::array::from_fn(|c| [all(self.planes[c][p]), all(self.variances[c][p])]);
-        let (noise, least) = (all(self.noise[p]), all(DISTANCE_EPSILON + self.level[p]));
+        let (noise, least) = (all(self.noise[p]), all(self.epsilon + self.level[p]));
         for (out, y) in out.chunks_exact_mut(length).zip(y - radius..) {
             let row = at(x - radius, y);
             let there: [_; 3] = std::array::from_fn(|c| {
@@ -219,7 +227,7 @@ impl Guide {
         }
         let levels = self.level[p.clone()].iter().zip(&self.level[q]);
         for ((out, noise), (lp, lq)) in out.iter_mut().zip(&self.noise[p]).zip(levels) {
-            *out = difference(*out, *noise, [*lp, *lq]);
+            *out = difference(*out, *noise, self.epsilon + *lp + *lq);
         }
     }
 }
@@ -240,8 +248,8 @@ fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
 
 /// The pixels' difference, from the channels' excess, Σ_c V_p and the levels of p and q.
 #[inline(always)]
-fn difference(excess: f32, noise: f32, [here, there]: [f32; 2]) -> f32 {
-    (excess - noise) / (DISTANCE_EPSILON + here + there)
+fn difference(excess: f32, noise: f32, level: f32) -> f32 {
+    (excess - noise) / level
 }
 
 /// w = exp(−max(0, Δ²)/k²), 0 where that is too little.
