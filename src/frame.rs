@@ -355,7 +355,8 @@ pub struct Beside {
 pub struct Summary {
     /// The method's name, one of [`crate::baseline::Method::NAMES`].
     pub method: &'static str,
-    /// Pixels whose colour was NaN or infinite and was repaired from its neighbours.
+    /// Pixels whose colour was NaN, infinite or beyond all measure (1e27 times the typical radiance) and was repaired
+    /// from its neighbours.
     pub repaired_color: usize,
     /// Pixels whose colour was negative in some channel (kept, for they may be right, but counted).
     pub negative_color: usize,

@@ -150,8 +150,6 @@ impl Facts {
         if let Some(halves) = rows.halves() {
             let noise = self.halves.get_or_insert_default();
             add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
-            let values = halves.iter().flatten().flat_map(|plane| plane.row(y));
-            values.filter(|v| good_radiance(**v)).for_each(|v| self.light.add_value(*v));
         }
     }
 
@@ -165,16 +163,12 @@ impl Facts {
         self.light.add_row(luminances);
         for x in 0..rows.width() {
             for (c, row) in good(x) {
-                self.light.add_value(row[x]);
                 self.color[c].add(row[x]);
             }
         }
         for (known, aov) in self.aovs.iter_mut().zip(rows.aovs()) {
             for (known, plane) in known.iter_mut().zip(&aov.color) {
-                for value in plane.row(y).iter().filter(|v| good_radiance(**v)) {
-                    self.light.add_value(*value);
-                    *known = true;
-                }
+                *known |= plane.row(y).iter().any(|v| good_radiance(*v));
             }
         }
     }

@@ -149,7 +149,7 @@ fn run(
 
     if !facts.has_noise() {
         observer.stage(Stage::Sanitize);
-        let clean = sanitize::apply(frame, &facts.known(), wanted, &mut summary);
+        let clean = sanitize::apply(frame, &facts.known(), facts.exposure(), wanted, &mut summary);
         summary.notes.push("nothing to do: the picture has no noise".into());
         return Ok(unchanged(outline, clean, wanted, summary));
     }
@@ -225,8 +225,7 @@ fn run(
         }
     }
     result.targets.iter_mut().for_each(|plane| exposure::expose(plane, exposure.recip()));
-    let back = exposure.recip(); // whose square may be out of range
-    result.mse.change(|v| (v * back * back).min(f32::MAX));
+    exposure::unexpose_error(&mut result.mse, exposure);
     Ok(assemble(outline, result, wanted, summary))
 }
 
@@ -272,7 +271,7 @@ fn repair<'a>(
 ) -> Repaired<'a> {
     // Repair, and bring the picture to an exposure in which the method's constants are meant.
     observer.stage(Stage::Sanitize);
-    let mut clean = sanitize::apply(frame, known, wanted, summary);
+    let mut clean = sanitize::apply(frame, known, exposure, wanted, summary);
     expose(&mut clean, exposure);
     let given = clean.variance.is_some();
     let mut variance = variance::of_mean(&mut clean, summary);
