@@ -46,13 +46,12 @@ impl Rect {
         Self { x: self.x - origin.0, y: self.y - origin.1, ..*self }
     }
 
-    /// The smallest rectangle that holds both.
-    #[must_use]
-    pub fn joined(&self, other: Self) -> Self {
-        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
-        let right = (self.x + self.width).max(other.x + other.width);
-        let bottom = (self.y + self.height).max(other.y + other.height);
-        Self { x, y, width: right - x, height: bottom - y }
+    /// Whether all of `other` lies in it.
+    pub fn holds(&self, other: Self) -> bool {
+        let along = |from: usize, length: usize, other: usize, part: usize| {
+            other.checked_sub(from).is_some_and(|before| before <= length && part <= length - before)
+        };
+        along(self.x, self.width, other.x, other.width) && along(self.y, self.height, other.y, other.height)
     }
 
     /// The blocks of 2×2 pixels that it touches, in a picture of blocks.
@@ -63,7 +62,7 @@ impl Rect {
         Self { x, y, width: right - x, height: bottom - y }
     }
 
-    /// It and what is left of the blocks of 2×2 pixels that it touches, in a picture of `size`.
+    /// It and what is left of the blocks of 2×2 pixels that it touches, in a picture of `size` that holds it.
     #[must_use]
     pub fn in_whole_blocks(&self, size: (usize, usize)) -> Self {
         let Self { x, y, width, height } = self.blocks();
@@ -71,7 +70,7 @@ impl Rect {
         Self { x: 2 * x, y: 2 * y, width: ends.0.min(size.0) - 2 * x, height: ends.1.min(size.1) - 2 * y }
     }
 
-    /// `by` pixels more on every side, clipped to a picture of `size`.
+    /// `by` pixels more on every side, clipped to a picture of `size` that holds it.
     #[must_use]
     pub fn grown(&self, by: usize, size: (usize, usize)) -> Self {
         let (x, y) = (self.x.saturating_sub(by), self.y.saturating_sub(by));
@@ -248,6 +247,15 @@ mod tests {
     }
 
     #[test]
+    #[test]
+    fn a_rectangle_holds_what_lies_in_it_and_nothing_beyond() {
+        let rect = |x, y, width, height| Rect { x, y, width, height };
+        let outer = rect(2, 3, 10, 5);
+        assert!([outer, rect(2, 3, 1, 1), rect(11, 7, 1, 1)].iter().all(|inner| outer.holds(*inner)));
+        let beyond = [rect(1, 3, 2, 1), rect(11, 7, 2, 1), rect(11, 7, 1, 2), rect(usize::MAX, 3, 5, 1)];
+        assert!(beyond.iter().all(|inner| !outer.holds(*inner)));
+    }
+
     fn a_wrong_number_of_samples_is_an_error() {
         assert!(Plane::from_vec(2, 3, vec![0.0; 5]).is_err());
     }

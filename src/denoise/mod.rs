@@ -119,8 +119,8 @@ pub fn denoise_in_sequence<'a>(
     run(frame, neighbours, &part, &facts, options, observer)
 }
 
-/// Denoises the pixels `part.wanted` of a picture of which `facts` are known; `frame` holds the pixels
-/// `part.read`. They get the very bits that they have when the picture is denoised as a whole.
+/// Denoises the pixels [`Part::wanted`] of a picture of which `facts` are known; `frame` holds the pixels
+/// [`Part::read`]. They get the very bits that they have when the picture is denoised as a whole.
 ///
 /// # Errors
 /// When an option is out of its range, or the frame is not of the part's size.
@@ -290,7 +290,7 @@ fn repair<'a>(
 }
 
 impl Facts {
-    /// Adds the energy of the outliers of the next rows, `part.wanted` in their full width, of a picture all of
+    /// Adds the energy of the outliers of the next rows, [`Part::wanted`] in their full width, of a picture all of
     /// whose rows were [added](Self::add) before; `frame` holds what [`Part::of_outliers`] has read.
     ///
     /// # Errors
