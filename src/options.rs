@@ -7,6 +7,7 @@ pub(crate) use replace::replaced;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
 use serde::{Deserialize, Serialize};
+use std::ops::RangeInclusive;
 
 /// The largest radius of a window.
 pub const MAX_WINDOW_RADIUS: usize = 15;
@@ -26,7 +27,7 @@ pub struct Options {
     pub window_radius: usize,
     /// Distance between the centres of the grid in pixels, 1 to 15; 1 puts a centre on every pixel.
     pub center_spacing: usize,
-    /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself. `[choice]` of 1,
+    /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself; 0 to 1000. `[choice]` of 1,
     /// 2, 4, 8, 16 and 32: relMSE of 4 ×1.01, of 16 ×1.00 in 1.3 times the time.
     pub min_coverage: f32,
     /// The share of `min_coverage` that the stages before the last ask for, 0 to 1: a pilot only says how far
@@ -39,9 +40,9 @@ pub struct Options {
     pub order_choice: OrderChoice,
     /// The first stage's risk as published (y put for μ) instead of the unbiased one (SURE).
     pub plain_first_stage: bool,
-    /// The kernels of every stage; their fits all join one average.
+    /// The kernels of every stage, 1 to 8 stages of 1 to 16 kernels; their fits all join one average.
     pub stages: Vec<Vec<Kernel>>,
-    /// Differences of this share of the radiance count as noise when patches are compared: where noise
+    /// Differences of this share of the radiance, 0 to 1, count as noise when patches are compared: where noise
     /// vanishes, weights still know what is nearly the same. 0 is the published distance. `[choice]` with one
     /// bandwidth of 1 for all kernels against 0 with bandwidths of 0.6 and 1.2, thirteen scenes: relMSE ×0.97 at 4
     /// and 16 spp, ×0.83 at 256, ×0.76 at 1024, in fewer fits; 0.08 ×1.01, 0.16 ×1.01.
@@ -53,23 +54,25 @@ pub struct Options {
     /// The filter of noisy features.
     pub prefilter: PrefilterOptions,
     /// The weight of every sample in its fit is divided by 1 + this × its share of the window's noise, that is of
-    /// Σ K σ²; 0 leaves it out. `[choice]` of 12, 16, 20 and 28: relMSE ×1.003, ×1, ×0.997 and ×0.995 (five scenes at
+    /// Σ K σ²; 0 leaves it out, 1000 is the most. `[choice]` of 12, 16, 20 and 28: relMSE ×1.003, ×1, ×0.997 and ×0.995 (five scenes at
     /// 16 to 256 spp), ×1.000, ×1, ×1.003 and ×1.005 (thirteen others); by the variance over the window's mean,
     /// whatever the number of samples, ×1.003 and ×1.006.
     pub noise_weight: f32,
-    /// Radius over which the colour's variance is averaged before the fit uses it. `[choice]` 1 against 2:
+    /// Radius over which the colour's variance is averaged before the fit uses it, 0 to 15. `[choice]` 1 against 2:
     /// relMSE ×0.975 on thirteen scenes and ×0.99 on five others; 0 ×1.09 and ×1.00.
     pub variance_radius: usize,
-    /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
+    /// Fits are averaged by K·(ξ + floor)^−power from the second stage on, a power of 0 to 4; 0 is the published K
+    /// alone. `[choice]` in `denoise/reconstruct.rs`.
     pub risk_power: f32,
     /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along
-    /// each axis, d the distance from the centre; 0 is the published plain K. `[choice]` 1 against ½: ×0.995
+    /// each axis, d the distance from the centre, a power of 0 to 4; 0 is the published plain K. `[choice]` 1 against ½: ×0.995
     /// on thirteen scenes, ×1.00 on five others.
     pub taper_power: f32,
     /// Radiance, in units of the picture's exposure, under which errors count as absolute, not as
-    /// relative ones. Its square is the floor of the risks.
+    /// relative ones; 0.001 to 1000. A hundredth of its square is added to every risk. `[choice]` against twice as
+    /// much and eight times: relMSE ×1.006 and ×1.03 (thirteen scenes at 16 and 64 spp).
     pub dark_level: f32,
-    /// Added to the albedo before a demodulated kernel divides by it.
+    /// Added to the albedo before a demodulated kernel divides by it; 0.001 to 1000.
     pub albedo_floor: f32,
     /// Denoise the picture at half its resolution too, and take from it what it knows better.
     pub coarse: bool,
@@ -86,12 +89,12 @@ pub type Preset = fn() -> Options;
 pub struct Kernel {
     /// Radius of the patches that are compared, 0 to [`MAX_PATCH_RADIUS`]; 1 is 3×3.
     pub patch_radius: usize,
-    /// Bandwidth k: distances are divided by k².
+    /// Bandwidth k: distances are divided by k²; 0.01 to 1e6.
     pub bandwidth: f32,
     /// Compare and fit colour over albedo instead of colour, where there is an albedo.
     #[serde(default)]
     pub demodulate: bool,
-    /// Compare the features too, with this bandwidth; what is farther apart, colour or features, counts.
+    /// Compare the features too, with this bandwidth, 0.01 to 1e6; what is farther apart, colour or features, counts.
     #[serde(default)]
     pub feature_bandwidth: Option<f32>,
 }
@@ -133,13 +136,16 @@ pub struct OutlierOptions {
     pub enabled: bool,
     /// Radius of the neighbourhood that is the witness, 1 to 3.
     pub radius: usize,
-    /// Standard deviations of the neighbours by which an outlier sticks out.
+    /// Standard deviations of the neighbours by which an outlier sticks out, 0 to 1e6; 3 in the paper. `[choice]` of 3,
+    /// 8, 12 and 20: relMSE at 16 spp ×1.8, ×1.002, ×0.997 and ×1 (five scenes), where 8 and 12 are ×1.022 and ×1.006
+    /// on thirteen others.
     pub deviations: f32,
     /// The share of the light of a fit's window that an outlier's excess must be more than, 0 to 1. `[choice]` of 0.02,
     /// 0.05, 0.1 and 0.2: relMSE ×1.002, ×0.998, ×0.992, ×0.990 (five scenes) and ×0.987, ×0.976, ×0.962, ×0.958
     /// (thirteen others) of that at 0; caustics at 16 spp keep 97.1, 96.8, 96.1 and 94.9 % of their light.
     pub share: f32,
-    /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
+    /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth, 1 to 1e6.
+    /// `[choice]` in `denoise/energy.rs`.
     pub witnesses: f32,
 }
 
@@ -149,11 +155,11 @@ pub struct OutlierOptions {
 pub struct PrefilterOptions {
     /// Filter features that come with a variance.
     pub enabled: bool,
-    /// Radius of the search window.
+    /// Radius of the search window, 1 to 15.
     pub window_radius: usize,
-    /// Radius of the patches.
+    /// Radius of the patches, 0 to 3.
     pub patch_radius: usize,
-    /// Bandwidth k. `[choice]` 0.85 against 0.7: relMSE ×0.99 on thirteen scenes, ×1.00 on five others; 1 ×0.985
+    /// Bandwidth k, 0.01 to 1e6. `[choice]` 0.85 against 0.7: relMSE ×0.99 on thirteen scenes, ×1.00 on five others; 1 ×0.985
     /// and ×1.003.
     pub bandwidth: f32,
 }
@@ -263,49 +269,49 @@ impl Options {
     /// # Errors
     /// [`ErrorKind::Usage`] names the option, what it is and what it may be.
     pub fn check(&self) -> Result<()> {
-        let range = |name: &str, value: usize, low: usize, high: usize| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
-                .remedy(format!("give {low} to {high}")))
-        };
-        let number = |name: &str, value: f32, low: f32, high: f32| {
-            if (low..=high).contains(&value) {
-                return Ok(());
-            }
-            Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
-                .remedy(format!("give {low} to {high}")))
-        };
-        range("window_radius", self.window_radius, 1, MAX_WINDOW_RADIUS)?;
-        range("center_spacing", self.center_spacing, 1, 15)?;
-        range("max_order", self.max_order, 0, 3)?;
-        range("stages", self.stages.len(), 1, 8)?;
+        within("window_radius", self.window_radius, 1..=MAX_WINDOW_RADIUS)?;
+        within("center_spacing", self.center_spacing, 1..=15)?;
+        within("max_order", self.max_order, 0..=3)?;
+        within("stages", self.stages.len(), 1..=8)?;
         for kernel in self.stages.iter().flatten() {
-            range("patch_radius", kernel.patch_radius, 0, MAX_PATCH_RADIUS)?;
-            number("bandwidth", kernel.bandwidth, 0.01, 1e6)?;
-            number("feature_bandwidth", kernel.feature_bandwidth.unwrap_or(1.0), 0.01, 1e6)?;
+            within("patch_radius", kernel.patch_radius, 0..=MAX_PATCH_RADIUS)?;
+            within("bandwidth", kernel.bandwidth, 0.01..=1e6)?;
+            within("feature_bandwidth", kernel.feature_bandwidth.unwrap_or(1.0), 0.01..=1e6)?;
         }
         for kernels in &self.stages {
-            range("kernels of a stage", kernels.len(), 1, 16)?;
+            within("kernels of a stage", kernels.len(), 1..=16)?;
         }
-        number("tolerance", self.tolerance, 0.0, 1.0)?;
-        range("variance_radius", self.variance_radius, 0, 15)?;
-        range("outliers.radius", self.outliers.radius, 1, 3)?;
-        number("outliers.deviations", self.outliers.deviations, 0.0, 1e6)?;
-        number("outliers.share", self.outliers.share, 0.0, 1.0)?;
-        number("outliers.witnesses", self.outliers.witnesses, 1.0, 1e6)?;
-        range("prefilter.window_radius", self.prefilter.window_radius, 1, 15)?;
-        range("prefilter.patch_radius", self.prefilter.patch_radius, 0, 3)?;
-        number("prefilter.bandwidth", self.prefilter.bandwidth, 0.01, 1e6)?;
-        number("min_coverage", self.min_coverage, 0.0, 1e3)?;
-        number("pilot_coverage", self.pilot_coverage, 0.0, 1.0)?;
-        number("noise_weight", self.noise_weight, 0.0, 1e3)?;
-        number("risk_power", self.risk_power, 0.0, 4.0)?;
-        number("taper_power", self.taper_power, 0.0, 4.0)?;
-        number("dark_level", self.dark_level, 1e-3, 1e3)?;
-        number("albedo_floor", self.albedo_floor, 1e-3, 1e3)
+        within("tolerance", self.tolerance, 0.0..=1.0)?;
+        within("variance_radius", self.variance_radius, 0..=15)?;
+        within("outliers.radius", self.outliers.radius, 1..=3)?;
+        within("outliers.deviations", self.outliers.deviations, 0.0..=1e6)?;
+        within("outliers.share", self.outliers.share, 0.0..=1.0)?;
+        within("outliers.witnesses", self.outliers.witnesses, 1.0..=1e6)?;
+        within("prefilter.window_radius", self.prefilter.window_radius, 1..=15)?;
+        within("prefilter.patch_radius", self.prefilter.patch_radius, 0..=3)?;
+        within("prefilter.bandwidth", self.prefilter.bandwidth, 0.01..=1e6)?;
+        within("min_coverage", self.min_coverage, 0.0..=1e3)?;
+        within("pilot_coverage", self.pilot_coverage, 0.0..=1.0)?;
+        within("noise_weight", self.noise_weight, 0.0..=1e3)?;
+        within("risk_power", self.risk_power, 0.0..=4.0)?;
+        within("taper_power", self.taper_power, 0.0..=4.0)?;
+        within("dark_level", self.dark_level, 1e-3..=1e3)?;
+        within("albedo_floor", self.albedo_floor, 1e-3..=1e3)
     }
+}
+
+/// Whether an option is within its range, which NaN never is.
+pub(crate) fn within<T: PartialOrd + std::fmt::Display>(
+    name: &str,
+    value: T,
+    range: RangeInclusive<T>,
+) -> Result<()> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    let (least, most) = range.into_inner();
+    Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}"))
+        .remedy(format!("give {least} to {most}")))
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ use crate::denoise::window::Window;
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, mean_of_channels};
-use crate::options::PrefilterOptions;
+use crate::options::{PrefilterOptions, within};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +52,8 @@ impl Options {
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("spacing", self.spacing, 1..=64)?;
+        within("window_radius", self.window_radius, 1..=15)?;
+        within("spacing", self.spacing, 1..=64)?;
         super::prefilter(&self.prefilter)
     }
 }

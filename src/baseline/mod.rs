@@ -27,7 +27,6 @@ use crate::frame::{Denoised, Frame};
 use crate::options::{Options, PrefilterOptions, replaced};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
-use std::ops::RangeInclusive;
 
 /// A way to denoise a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -227,28 +226,7 @@ impl Denoiser {
     }
 }
 
-/// Whether an option that is a whole number is within its range.
-fn whole(name: &str, value: usize, range: RangeInclusive<usize>) -> Result<()> {
-    within(name, &value, &range)
-}
-
-/// Whether an option is within its range, which NaN never is.
-fn number(name: &str, value: f32, range: RangeInclusive<f32>) -> Result<()> {
-    within(name, &value, &range)
-}
-
 /// Whether the options of a feature filter are within their ranges.
 fn prefilter(options: &PrefilterOptions) -> Result<()> {
     crate::Options { prefilter: *options, ..crate::Options::default() }.check()
-}
-
-fn within<T: PartialOrd + std::fmt::Display>(name: &str, value: &T, range: &RangeInclusive<T>) -> Result<()> {
-    if range.contains(value) {
-        return Ok(());
-    }
-    Err(Error::new(ErrorKind::Usage, format!("option '{name}' is {value}")).remedy(format!(
-        "give {} to {}",
-        range.start(),
-        range.end()
-    )))
 }

@@ -26,6 +26,7 @@ use crate::denoise::variance;
 use crate::error::Result;
 use crate::frame::{Denoised, Feature, Frame};
 use crate::image::{Plane, Rgb};
+use crate::options::within;
 use regression::regress;
 use serde::{Deserialize, Serialize};
 
@@ -65,9 +66,9 @@ impl Options {
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("patch_radius", self.patch_radius, 0..=7)?;
-        self.bandwidths.iter().try_for_each(|&k| super::number("bandwidths", k, 1e-3..=1e3))
+        within("window_radius", self.window_radius, 1..=15)?;
+        within("patch_radius", self.patch_radius, 0..=7)?;
+        self.bandwidths.iter().try_for_each(|&k| within("bandwidths", k, 1e-3..=1e3))
     }
 
     fn patches(&self, guide: &[Plane], variance: &[Plane]) -> Patches {

@@ -16,6 +16,7 @@ use crate::denoise::variance::smooth;
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, Rgb};
+use crate::options::within;
 use serde::{Deserialize, Serialize};
 
 /// Radius over which the half buffers' squared difference is averaged.
@@ -47,10 +48,10 @@ impl Options {
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("window_radius", self.window_radius, 1..=15)?;
-        super::whole("patch_radius", self.patch_radius, 0..=7)?;
-        super::number("bandwidth", self.bandwidth, 1e-3..=1e3)?;
-        super::number("threshold", self.threshold, 0.0..=1.0)
+        within("window_radius", self.window_radius, 1..=15)?;
+        within("patch_radius", self.patch_radius, 0..=7)?;
+        within("bandwidth", self.bandwidth, 1e-3..=1e3)?;
+        within("threshold", self.threshold, 0.0..=1.0)
     }
 }
 

@@ -17,6 +17,7 @@ use super::input::{Input, Output, relative_error};
 use crate::error::Result;
 use crate::frame::{Denoised, Frame};
 use crate::image::{Plane, mean_of_channels};
+use crate::options::within;
 use lifting::Bank;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -43,8 +44,8 @@ impl Options {
     /// # Errors
     /// [`crate::ErrorKind::Usage`] names the option and what it may be.
     pub fn check(&self) -> Result<()> {
-        super::whole("levels", self.levels, 1..=12)?;
-        super::number("deviations", self.deviations, 0.0..=100.0)
+        within("levels", self.levels, 1..=12)?;
+        within("deviations", self.deviations, 0.0..=100.0)
     }
 }
 
