@@ -360,9 +360,10 @@ pub struct Summary {
     pub repaired_color: usize,
     /// Pixels whose colour was negative in some channel (kept, for they may be right, but counted).
     pub negative_color: usize,
-    /// Pixels whose variance was NaN, infinite or negative and was replaced.
+    /// Pixels whose variance was NaN, infinite or negative and was replaced, the colour's and the features'.
     pub repaired_variance: usize,
-    /// Pixels of features that were NaN and were replaced, summed over the features.
+    /// Pixels of features that were NaN, or infinite in anything but a depth or a position, and were replaced,
+    /// summed over the features. What is farther than 1e15, as a miss is, is moved there and not counted.
     pub repaired_features: usize,
     /// Pixels of half buffers, the colour's and the features', that were no numbers where the colour is one.
     pub repaired_halves: usize,

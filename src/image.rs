@@ -128,12 +128,12 @@ impl Plane {
         plane
     }
 
-    /// Makes every sample `f` of what it was.
+    /// Replaces every sample v by `f`(v).
     pub fn change(&mut self, f: impl Fn(f32) -> f32 + Sync) {
         self.rows_mut().for_each(|row| row.iter_mut().for_each(|sample| *sample = f(*sample)));
     }
 
-    /// Makes every sample `f` of what it was and the one of `other`, of the same size, at its place.
+    /// Replaces every sample v by `f`(v, u), u the sample of `other`, of the same size, at its place.
     pub fn combine(&mut self, other: &Self, f: impl Fn(f32, f32) -> f32 + Sync) {
         self.rows_mut().enumerate().for_each(|(y, row)| {
             row.iter_mut().zip(other.row(y)).for_each(|(sample, other)| *sample = f(*sample, *other));
@@ -185,7 +185,8 @@ impl Plane {
         out.copy_from_slice(&self.row(y)[x..x + out.len()]);
     }
 
-    /// The sample at column `x`, row `y`.
+    /// The sample at column `x`, row `y`, both inside the plane: beyond its width a release build may answer with
+    /// a sample of another row.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         debug_assert!(x < self.width);
         self.data[y * self.width + x]
@@ -247,7 +248,6 @@ mod tests {
     }
 
     #[test]
-    #[test]
     fn a_rectangle_holds_what_lies_in_it_and_nothing_beyond() {
         let rect = |x, y, width, height| Rect { x, y, width, height };
         let outer = rect(2, 3, 10, 5);
@@ -256,6 +256,7 @@ mod tests {
         assert!(beyond.iter().all(|inner| !outer.holds(*inner)));
     }
 
+    #[test]
     fn a_wrong_number_of_samples_is_an_error() {
         assert!(Plane::from_vec(2, 3, vec![0.0; 5]).is_err());
     }

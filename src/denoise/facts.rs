@@ -12,7 +12,10 @@ use crate::frame::{Feature, Frame};
 use crate::image::Plane;
 use rayon::prelude::*;
 
-/// The answers, of the rows that were added so far.
+/// What must be known of a whole picture before a part of it can be denoised alone.
+///
+/// Call [`Facts::add`] for all rows from top to bottom, then [`Facts::add_outliers`] for all rows, then
+/// [`denoise_part`](super::denoise_part) for any part; with the same options throughout.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Facts {
     light: Light,
@@ -38,7 +41,7 @@ struct FeatureFacts {
 pub(crate) struct Known {
     /// For each channel.
     pub color: [bool; 3],
-    /// Each channel's variance is, but that of channels which are not.
+    /// Every channel whose colour is known has a usable variance at some pixel.
     pub variance: bool,
     /// The same of the halves.
     pub halves: bool,
@@ -53,7 +56,7 @@ pub(crate) struct Known {
 pub(crate) struct KnownFeature {
     /// For each plane.
     pub planes: Vec<bool>,
-    /// Each plane's variance is, but that of planes which are not.
+    /// Every plane that is known has a usable variance at some pixel.
     pub variance: bool,
     /// The same of the halves.
     pub halves: bool,

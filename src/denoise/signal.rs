@@ -119,7 +119,7 @@ impl Signal<'_> {
     }
 }
 
-/// Hears all stages of fits as one.
+/// Reports a reconstruction of several stages to an observer as a single stage.
 pub struct AsOne<'a> {
     observer: &'a dyn Observer,
     stages: usize,
@@ -127,7 +127,7 @@ pub struct AsOne<'a> {
 }
 
 impl<'a> AsOne<'a> {
-    /// For `stages` stages that `observer` is to hear as its current one.
+    /// For `stages` stages, reported as `observer`'s current one.
     pub fn new(observer: &'a dyn Observer, stages: usize) -> Self {
         Self { observer, stages, begun: AtomicUsize::new(0) }
     }

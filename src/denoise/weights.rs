@@ -1,8 +1,9 @@
 //! Weights of a window: how much each pixel resembles the centre.
 //!
 //! The distance is the variance-normalised patch distance of Rousselle, Knaus, Zwicker 2012,
-//! Δ²(p,q) = Σ_c ((u_p−u_q)² − (V_p + min(V_p,V_q))) / (ε + Σ_c (V_p + V_q)), averaged over the patch; the
-//! bandwidth k divides it by k², and w = exp(−max(0, Δ²/k²)).
+//! Δ²(p,q) = Σ_c ((u_p−u_q)² − (V_p + min(V_p,V_q))) / (ε + Σ_c (V_p + V_q + τ²(u_p² + u_q²))), averaged over the
+//! patch; τ, a share of the radiance that counts as noise does, is ours. The bandwidth k divides it by k², and
+//! w = exp(−max(0, Δ²/k²)).
 //!
 //! `[choice]` numerator and denominator are summed over the channels before the division, where the
 //! paper divides channel by channel: relMSE ×0.94 over three scenes at 64 spp, and a third of the divisions.
@@ -13,7 +14,7 @@ use pulp::Simd;
 use rayon::prelude::*;
 use std::borrow::Borrow;
 
-/// Keeps the distance finite where neither pixel has any noise.
+/// ε: keeps the distance finite where neither pixel has any noise, of a picture that is exposed.
 const DISTANCE_EPSILON: f32 = 1e-10;
 
 /// Where Δ²/k² is beyond this, ln 20, w is under 0.05 and set to 0 (Rousselle, Knaus, Zwicker 2012).
@@ -31,8 +32,8 @@ pub struct Guide {
     noise: Vec<f32>,
     /// The noise and the tolerance's squares, summed over the planes: what differences are measured by.
     level: Vec<f32>,
-    stride: usize,
     epsilon: f32,
+    stride: usize,
     pad: usize,
 }
 
@@ -246,7 +247,7 @@ fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
     difference * difference - if vp < vq { vp } else { vq }
 }
 
-/// The pixels' difference, from the channels' excess, Σ_c V_p and the levels of p and q.
+/// The pixels' difference, from the channels' excess, Σ_c V_p and what it is measured by.
 #[inline(always)]
 fn difference(excess: f32, noise: f32, level: f32) -> f32 {
     (excess - noise) / level
