@@ -6,7 +6,7 @@
 //! stage repairs and counts them.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, black};
 use std::borrow::Cow;
 
 /// What a feature buffer describes; the name under which reports and maps list it.
@@ -15,7 +15,7 @@ use std::borrow::Cow;
 pub enum FeatureKind {
     /// Surface normal, 3 planes, any space.
     Normal,
-    /// Texture: reflectance at the first (rough) hit, 3 planes.
+    /// Texture: reflectance at the first (rough) hit, 3 planes; of another number colour is not divided by it.
     Albedo,
     /// Distance from the camera, 1 plane.
     Depth,
@@ -319,12 +319,11 @@ impl Denoised {
     /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
     #[must_use]
     pub fn begin(&self, (width, height): (usize, usize)) -> Self {
-        let none = || Plane::filled(width, height, 0.0);
-        let rgb = || std::array::from_fn(|_| none());
-        let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: rgb() }).collect();
+        let (none, dark) = (|| Plane::filled(width, height, 0.0), || black(width, height));
+        let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: dark() }).collect();
         let summary = Summary { columns: self.summary.columns.clone(), ..Summary::default() };
         let mut whole =
-            Self { color: rgb(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
+            Self { color: dark(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
         whole.put(self, (0, 0));
         whole
     }
