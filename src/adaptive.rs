@@ -17,7 +17,7 @@ use crate::trace::{Renderer, Samples};
 pub struct AdaptiveOptions {
     /// Samples per pixel on the average, over all rounds; 3 or more.
     pub spp: u32,
-    /// Rounds, the uniform first one included; 2 to the `spp`.
+    /// Rounds, the uniform first one included; 2 to `spp` − 1.
     pub rounds: u32,
     /// Stop when the estimated mean relative squared error is at most this; pixels at or under it get no
     /// further samples.
@@ -108,7 +108,7 @@ pub fn render(
 fn check(renderer: &Renderer, options: &AdaptiveOptions) -> Result<()> {
     let usage = |what: String, remedy: &str| Err(Error::new(ErrorKind::Usage, what).remedy(remedy));
     if options.rounds < 2 {
-        return usage(format!("{} rounds leave nothing to adapt", options.rounds), "give --rounds 2 or more");
+        return usage(format!("{} rounds leave nothing to adapt", options.rounds), "give 2 rounds or more");
     }
     let least = options.rounds + LEAST_FIRST - 1;
     if options.spp < least {
@@ -116,7 +116,7 @@ fn check(renderer: &Renderer, options: &AdaptiveOptions) -> Result<()> {
             "{} samples per pixel are too few for {} rounds, the first of {LEAST_FIRST} samples",
             options.spp, options.rounds
         );
-        return usage(what, &format!("give --spp {least} or more, or fewer --rounds"));
+        return usage(what, &format!("give an spp of {least} or more, or fewer rounds"));
     }
     if let Some(target) = options.target_error
         && !(target.is_finite() && target > 0.0)

@@ -6,7 +6,7 @@
 //! stage repairs and counts them.
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, black};
 use std::borrow::Cow;
 
 /// What a feature buffer describes; the name under which reports and maps list it.
@@ -15,7 +15,7 @@ use std::borrow::Cow;
 pub enum FeatureKind {
     /// Surface normal, 3 planes, any space.
     Normal,
-    /// Texture: reflectance at the first (rough) hit, 3 planes.
+    /// Texture: reflectance at the first (rough) hit, 3 planes; of another number colour is not divided by it.
     Albedo,
     /// Distance from the camera, 1 plane.
     Depth,
@@ -46,6 +46,18 @@ impl Feature {
     /// A feature without variance.
     pub fn new(name: impl Into<String>, kind: FeatureKind, planes: Vec<Plane>) -> Self {
         Self { name: name.into(), kind, planes, var_of_mean: None, halves: None }
+    }
+
+    /// Adds the variance of the mean, one plane per component.
+    #[must_use]
+    pub fn with_variance_of_mean(self, var_of_mean: Vec<Plane>) -> Self {
+        Self { var_of_mean: Some(var_of_mean), ..self }
+    }
+
+    /// Adds the means of two independent halves of the samples; their average is the feature.
+    #[must_use]
+    pub fn with_halves(self, halves: [Vec<Plane>; 2]) -> Self {
+        Self { halves: Some(halves), ..self }
     }
 }
 
@@ -102,8 +114,8 @@ impl From<Frame> for Cow<'_, Frame> {
 pub(crate) struct Outline {
     /// Width and height.
     pub size: (usize, usize),
-    /// The features' names and how many planes each has.
-    pub features: Vec<(String, usize)>,
+    /// The features' names, what they describe, and how many planes each has.
+    pub features: Vec<(String, FeatureKind, usize)>,
     /// The AOVs' names.
     pub aovs: Vec<String>,
 }
@@ -252,10 +264,10 @@ impl Frame {
     }
 
     pub(crate) fn outline(&self) -> Outline {
-        let features = self.features.iter().map(|feature| (feature.name.clone(), feature.planes.len()));
+        let feature = |feature: &Feature| (feature.name.clone(), feature.kind, feature.planes.len());
         Outline {
             size: (self.width(), self.height()),
-            features: features.collect(),
+            features: self.features.iter().map(feature).collect(),
             aovs: self.aovs.iter().map(|aov| aov.name.clone()).collect(),
         }
     }
@@ -307,12 +319,11 @@ impl Denoised {
     /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
     #[must_use]
     pub fn begin(&self, (width, height): (usize, usize)) -> Self {
-        let none = || Plane::filled(width, height, 0.0);
-        let rgb = || std::array::from_fn(|_| none());
-        let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: rgb() }).collect();
+        let (none, dark) = (|| Plane::filled(width, height, 0.0), || black(width, height));
+        let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: dark() }).collect();
         let summary = Summary { columns: self.summary.columns.clone(), ..Summary::default() };
         let mut whole =
-            Self { color: rgb(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
+            Self { color: dark(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
         whole.put(self, (0, 0));
         whole
     }
@@ -343,13 +354,15 @@ pub struct Beside {
 pub struct Summary {
     /// The method's name, one of [`crate::baseline::Method::NAMES`].
     pub method: &'static str,
-    /// Pixels whose colour was NaN or infinite and was repaired from its neighbours.
+    /// Pixels whose colour was NaN, infinite or beyond all measure (1e27 times the typical radiance) and was repaired
+    /// from its neighbours.
     pub repaired_color: usize,
     /// Pixels whose colour was negative in some channel (kept, for they may be right, but counted).
     pub negative_color: usize,
-    /// Pixels whose variance was NaN, infinite or negative and was replaced.
+    /// Pixels whose variance was NaN, infinite or negative and was replaced, the colour's and the features'.
     pub repaired_variance: usize,
-    /// Pixels of features that were NaN and were replaced, summed over the features.
+    /// Pixels of features that were NaN, or infinite in anything but a depth or a position, and were replaced,
+    /// summed over the features. What is farther than 1e15, as a miss is, is moved there and not counted.
     pub repaired_features: usize,
     /// Pixels of half buffers, the colour's and the features', that were no numbers where the colour is one.
     pub repaired_halves: usize,

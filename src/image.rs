@@ -46,13 +46,12 @@ impl Rect {
         Self { x: self.x - origin.0, y: self.y - origin.1, ..*self }
     }
 
-    /// The smallest rectangle that holds both.
-    #[must_use]
-    pub fn joined(&self, other: Self) -> Self {
-        let (x, y) = (self.x.min(other.x), self.y.min(other.y));
-        let right = (self.x + self.width).max(other.x + other.width);
-        let bottom = (self.y + self.height).max(other.y + other.height);
-        Self { x, y, width: right - x, height: bottom - y }
+    /// Whether all of `other` lies in it.
+    pub fn holds(&self, other: Self) -> bool {
+        let along = |from: usize, length: usize, other: usize, part: usize| {
+            other.checked_sub(from).is_some_and(|before| before <= length && part <= length - before)
+        };
+        along(self.x, self.width, other.x, other.width) && along(self.y, self.height, other.y, other.height)
     }
 
     /// The blocks of 2×2 pixels that it touches, in a picture of blocks.
@@ -63,7 +62,7 @@ impl Rect {
         Self { x, y, width: right - x, height: bottom - y }
     }
 
-    /// It and what is left of the blocks of 2×2 pixels that it touches, in a picture of `size`.
+    /// It and what is left of the blocks of 2×2 pixels that it touches, in a picture of `size` that holds it.
     #[must_use]
     pub fn in_whole_blocks(&self, size: (usize, usize)) -> Self {
         let Self { x, y, width, height } = self.blocks();
@@ -71,7 +70,7 @@ impl Rect {
         Self { x: 2 * x, y: 2 * y, width: ends.0.min(size.0) - 2 * x, height: ends.1.min(size.1) - 2 * y }
     }
 
-    /// `by` pixels more on every side, clipped to a picture of `size`.
+    /// `by` pixels more on every side, clipped to a picture of `size` that holds it.
     #[must_use]
     pub fn grown(&self, by: usize, size: (usize, usize)) -> Self {
         let (x, y) = (self.x.saturating_sub(by), self.y.saturating_sub(by));
@@ -129,12 +128,12 @@ impl Plane {
         plane
     }
 
-    /// Makes every sample `f` of what it was.
+    /// Replaces every sample v by `f`(v).
     pub fn change(&mut self, f: impl Fn(f32) -> f32 + Sync) {
         self.rows_mut().for_each(|row| row.iter_mut().for_each(|sample| *sample = f(*sample)));
     }
 
-    /// Makes every sample `f` of what it was and the one of `other`, of the same size, at its place.
+    /// Replaces every sample v by `f`(v, u), u the sample of `other`, of the same size, at its place.
     pub fn combine(&mut self, other: &Self, f: impl Fn(f32, f32) -> f32 + Sync) {
         self.rows_mut().enumerate().for_each(|(y, row)| {
             row.iter_mut().zip(other.row(y)).for_each(|(sample, other)| *sample = f(*sample, *other));
@@ -186,7 +185,8 @@ impl Plane {
         out.copy_from_slice(&self.row(y)[x..x + out.len()]);
     }
 
-    /// The sample at column `x`, row `y`.
+    /// The sample at column `x`, row `y`, both inside the plane: beyond its width a release build may answer with
+    /// a sample of another row.
     pub fn get(&self, x: usize, y: usize) -> f32 {
         debug_assert!(x < self.width);
         self.data[y * self.width + x]
@@ -245,6 +245,15 @@ mod tests {
         assert_eq!(plane.row(1), &[10.0, 11.0, 12.0, 13.0, 14.0]);
         let cut = plane.crop(Rect { x: 3, y: 1, width: 2, height: 2 });
         assert_eq!(cut.data(), &[13.0, 14.0, 23.0, 24.0]);
+    }
+
+    #[test]
+    fn a_rectangle_holds_what_lies_in_it_and_nothing_beyond() {
+        let rect = |x, y, width, height| Rect { x, y, width, height };
+        let outer = rect(2, 3, 10, 5);
+        assert!([outer, rect(2, 3, 1, 1), rect(11, 7, 1, 1)].iter().all(|inner| outer.holds(*inner)));
+        let beyond = [rect(1, 3, 2, 1), rect(11, 7, 2, 1), rect(11, 7, 1, 2), rect(usize::MAX, 3, 5, 1)];
+        assert!(beyond.iter().all(|inner| !outer.holds(*inner)));
     }
 
     #[test]

@@ -51,15 +51,6 @@ pub fn mean_error(error: &Plane) -> f64 {
     error.data().iter().map(|&e| f64::from(e)).sum::<f64>() / error.data().len() as f64
 }
 
-/// What one more sample would take from every pixel's error, αE/n.
-pub fn priority(error: &Plane, counts: &[u32], options: &SamplingOptions) -> Plane {
-    let (width, height) = error.size();
-    Plane::par_from_fn(width, height, |x, y| {
-        let count = f64::from(counts[y * width + x].max(1));
-        (options.decay * f64::from(error.get(x, y)) / count) as f32
-    })
-}
-
 /// How many of `budget` further samples each pixel gets, row by row: their sum is `budget`. `counts` are
 /// the samples that left `error`. With a `target`, pixels whose error is at or under it get none; where
 /// that is all of them, the sum is 0. Where there is no error at all and no target they all get as many.
@@ -184,8 +175,9 @@ impl Pool {
         let error: Vec<f64> =
             error.data().iter().map(|e| if e.is_finite() { f64::from(e.max(0.0)) } else { 0.0 }).collect();
         let met = |e: f64| target.is_some_and(|target| e <= f64::from(target));
-        // A pixel without samples counts as one with a few of the others' share.
-        let least = UNSAMPLED * counts.iter().sum::<f64>() / counts.len() as f64;
+        // A pixel without samples counts as one with a few of the others' share; where there are none, as one.
+        let sum: f64 = counts.iter().sum();
+        let least = if sum > 0.0 { UNSAMPLED * sum / counts.len() as f64 } else { 1.0 };
         let counts: Vec<f64> = counts.iter().map(|n| n.max(least)).collect();
         let converged = error.iter().all(|e| *e == 0.0) && target.is_none();
         let wish = error.iter().zip(&counts).map(|(&e, n)| {

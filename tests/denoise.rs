@@ -191,6 +191,32 @@ fn whatever_comes_in_what_goes_out_is_finite() {
 }
 
 #[test]
+fn a_value_beyond_all_measure_costs_no_more_than_nan() {
+    let spoilt = |layer: usize, value: f32| {
+        let frame = noisy(0.1, 4);
+        let color = frame.color().clone();
+        let mut layers = [color.clone(), color.clone(), color];
+        layers[layer][1].data_mut()[20 * SIZE.0 + 30] = value;
+        let [color, half, aov] = layers;
+        let features = frame.features().to_vec();
+        let frame = Frame::new(color)
+            .and_then(|f| f.with_variance_of_mean(frame.color_var_of_mean().unwrap().clone()))
+            .and_then(|f| f.with_halves([half.clone(), half]))
+            .and_then(|f| f.with_aov(Aov { name: "key".into(), color: aov }));
+        let frame = features.into_iter().fold(frame.unwrap(), |f, feature| f.with_feature(feature).unwrap());
+        denoise(frame, &Options::default()).unwrap()
+    };
+    for layer in 0..3 {
+        let broken = spoilt(layer, f32::NAN);
+        let repaired = |s: &apr::Summary| [s.repaired_color, s.repaired_halves, s.repaired_aovs];
+        assert_eq!(repaired(&broken.summary), std::array::from_fn(|n| usize::from(n == layer)));
+        for value in [1e29, -1e31] {
+            assert!(spoilt(layer, value) == broken, "{value} in layer {layer}");
+        }
+    }
+}
+
+#[test]
 fn pictures_of_a_pixel_a_row_and_a_column_pass() {
     for (width, height) in [(1, 1), (1, 40), (40, 1), (2, 2), (3, 17)] {
         let mut random = Random(3);

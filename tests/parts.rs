@@ -175,11 +175,11 @@ fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
     let mut facts = Facts::of(frame);
     for y in (0..size.1).step_by(50) {
         let rows = Rect { x: 0, y, width: size.0, height: 50.min(size.1 - y) };
-        let part = Part::of_outliers(rows, size, options);
-        facts.add_outliers(&crop(frame, part.read), &part, options).unwrap();
+        let part = Part::of_outliers(rows, size, options).unwrap();
+        facts.add_outliers(&crop(frame, part.read()), &part, options).unwrap();
     }
-    let part = Part::new(wanted, size, options, &facts);
-    denoise_part(crop(frame, part.read), &part, &facts, options, &Silent).unwrap()
+    let part = Part::new(wanted, size, options, &facts).unwrap();
+    denoise_part(crop(frame, part.read()), &part, &facts, options, &Silent).unwrap()
 }
 
 fn planes(denoised: &Denoised) -> impl Iterator<Item = &Plane> {
@@ -263,16 +263,29 @@ fn so_it_is_with_every_preset() {
 fn a_part_of_a_picture_whose_outliers_nobody_looked_for_is_refused() {
     let frame = Frame::new(Random(3).rgb((400, 8), |x, _| x as f32, 0.5)).unwrap();
     let facts = Facts::of(&frame);
-    let part = Part::new(Rect { x: 0, y: 0, width: 8, height: 8 }, (400, 8), &small(), &facts);
-    let cut = crop(&frame, part.read);
+    let part = Part::new(Rect { x: 0, y: 0, width: 8, height: 8 }, (400, 8), &small(), &facts).unwrap();
+    let cut = crop(&frame, part.read());
     let error = denoise_part(&cut, &part, &facts, &small(), &Silent).unwrap_err();
     assert!(error.to_string().contains("Facts::add_outliers"), "{error}");
 }
 
 #[test]
+fn a_part_that_is_not_in_the_picture_is_refused() {
+    let (options, facts) = (small(), Facts::default());
+    let rect = |x, y, width, height| Rect { x, y, width, height };
+    for wanted in
+        [rect(400, 0, 1, 1), rect(9000, 0, 1, 1), rect(395, 0, 6, 8), rect(0, 3, 9, 6), rect(7, 3, 0, 2)]
+    {
+        let error = Part::new(wanted, (400, 8), &options, &facts).unwrap_err();
+        assert!(error.to_string().ends_with("of a picture of 400×8; give one inside the picture"), "{error}");
+        assert!(Part::of_outliers(wanted, (400, 8), &options).is_err());
+    }
+}
+
+#[test]
 fn a_frame_that_is_not_of_the_parts_size_is_refused() {
     let frame = Frame::new(apr::image::black(30, 20)).unwrap();
-    let part = Part { wanted: Rect::whole((8, 8)), read: Rect::whole((20, 20)) };
+    let part = Part::whole((20, 20));
     let error = denoise_part(&frame, &part, &Facts::of(&frame), &small(), &Silent).unwrap_err();
     assert_eq!(
         error.to_string(),

@@ -45,11 +45,11 @@ fn write_regions(
     let mut survey = Survey::open(input, read, |rows| facts.add(rows)).unwrap();
     survey.sign("quick");
     let (width, height) = survey.size();
-    let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick());
-    facts.add_outliers(&survey.read(part.read).unwrap(), &part, &quick()).unwrap();
+    let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick()).unwrap();
+    facts.add_outliers(&survey.read(part.read()).unwrap(), &part, &quick()).unwrap();
     let write = |(i, region): (usize, &Rect)| {
-        let part = Part::new(*region, survey.size(), &quick(), &facts);
-        let frame = survey.read(part.read).unwrap();
+        let part = Part::new(*region, survey.size(), &quick(), &facts).unwrap();
+        let frame = survey.read(part.read()).unwrap();
         let denoised = denoise_part(&frame, &part, &facts, &quick(), &Silent).unwrap();
         let path = folder.join(format!("region{i}.exr"));
         survey.write_region(&path, *region, &denoised, aux).unwrap();

@@ -132,6 +132,28 @@ fn frames_of_another_kind_are_left_out_with_a_reason() {
 }
 
 #[test]
+fn a_feature_of_one_name_is_not_the_same_where_it_describes_something_else() {
+    let of = |seed, kind, planes: usize| {
+        let planes = (0..planes).map(|c| plane(|x, y| 0.2 + ((x + c + y * y) % 3) as f32 * 0.3));
+        noisy(texture(0), seed).with_feature(Feature::new("x", kind, planes.collect())).unwrap()
+    };
+    use FeatureKind::{Albedo, Other, Visibility};
+    for (here, there, planes) in [(Albedo, Other, 3), (Other, Albedo, 3), (Other, Visibility, 1)] {
+        let (frame, other) = (of(3, here, planes), of(4, there, planes));
+        let plain = denoise(&frame, &Options::default()).unwrap();
+        let neighbours = Neighbours { before: vec![&other], after: vec![] };
+        let result = denoise_in_sequence(&frame, &neighbours, &Options::default(), &Silent).unwrap();
+        assert_eq!(
+            (result.color, result.summary.beside.len()),
+            (plain.color, 0),
+            "{there:?} beside {here:?}"
+        );
+        let notes = result.summary.notes.join("; ");
+        assert!(notes.contains(&format!("x ({planes}) as {there:?}")), "{notes}");
+    }
+}
+
+#[test]
 fn the_bits_do_not_depend_on_the_threads() {
     let frames = [1, 2, 3].map(|seed| moving(noisy(texture(0), seed), 0.3));
     let on = |threads: usize| {

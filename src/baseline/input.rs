@@ -1,7 +1,7 @@
 //! What every baseline starts from and ends in: the frame repaired and exposed, the result put back.
 
 use crate::denoise::Facts;
-use crate::denoise::exposure::expose;
+use crate::denoise::exposure::{expose, unexpose_error};
 use crate::denoise::sanitize::{self, Clean};
 use crate::denoise::{prefilter, variance};
 use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
@@ -44,8 +44,8 @@ impl<'a> Input<'a> {
         let mut summary = Summary { method, ..Summary::default() };
         let facts = Facts::of(frame);
         let all = Rect::whole((frame.width(), frame.height()));
-        let mut clean = sanitize::apply(frame.into(), &facts.known(), all, &mut summary);
         let exposure = facts.exposure();
+        let mut clean = sanitize::apply(frame.into(), &facts.known(), exposure, all, &mut summary);
         clean.expose(exposure);
         let variance = variance::of_mean(&mut clean, &mut summary);
         Self { frame, facts, clean, variance, exposure, summary }
@@ -129,10 +129,8 @@ impl<'a> Input<'a> {
         if output.mse.is_none() {
             self.summary.notes.push("the method has no estimate of its error here: it is given as 0".into());
         }
-        let unexposed = self.exposure.recip().powi(2);
         let mse = output.mse.map(|mut mse| {
-            // NaN (0·∞, a factor out of range) goes to the other side of max and min.
-            mse.data_mut().iter_mut().for_each(|v| *v = (*v * unexposed).max(0.0).min(f32::MAX));
+            unexpose_error(&mut mse, self.exposure);
             mse
         });
         Denoised {

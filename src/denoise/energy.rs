@@ -188,7 +188,7 @@ impl Energy {
         let local = self.holds(whole, &asked);
         if !local && targets > 0 {
             let [sum, squares] = self.sum(whole, |node| node.witnesses);
-            gains.share = (1.0 - squares / (sum * sum)).clamp(0.0, 1.0); // 1 for NaN
+            gains.share = (1.0 - squares / (sum * sum)).clamp(0.0, 1.0);
         }
         // What goes to the whole picture is given back at once.
         let mut rest = vec![0.0; targets];

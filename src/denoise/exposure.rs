@@ -3,12 +3,21 @@
 //! Every absolute constant of the method (what counts as dark, the floor of a risk) is meant in these
 //! units, so that a picture scaled by 2^n gives the same result scaled by 2^n, bit for bit.
 
-use super::condition::power_of_two_near_inverse;
 use crate::image::Plane;
 
-/// Exposed values are no larger than this (2^90), so that sums over a window, weighted by risks and taken
-/// through an albedo, stay in `f32`.
-const LARGEST_EXPOSED: f32 = (1u128 << 90) as f32;
+/// Of [`LARGEST_EXPOSED`].
+const EXPONENT: u32 = 90;
+
+/// Exposed values are no larger than this, so that sums over a window, weighted by risks and taken
+/// through an albedo, stay in `f32`. Radiance beyond it is a defect.
+pub const LARGEST_EXPOSED: f32 = (1u128 << EXPONENT) as f32;
+
+/// By how much luminances stay below that, in log₂: a channel may be three times as bright, and exposures are rounded.
+const HEADROOM: f64 = 3.0;
+
+/// What lies more deviations than this above the mean log₂ luminance is lone, and may leave the range. A share p of
+/// all pixels lies at most √(1/p − 1) of them off: it is less than a thousandth.
+const DEVIATIONS: f64 = 32.0;
 
 /// What a picture's exposure is made of. Summed row by row, so that it does not depend on how many rows
 /// are added at once.
@@ -16,39 +25,43 @@ const LARGEST_EXPOSED: f32 = (1u128 << 90) as f32;
 pub struct Light {
     /// Σ log₂ of the positive luminances.
     log2: f64,
+    /// Σ of its squares.
+    squares: f64,
     /// How many those are.
     pixels: usize,
-    /// The largest magnitude of any value.
-    largest: f32,
+    /// The largest luminance.
+    largest: f64,
 }
 
 impl Light {
     /// Adds the next row's luminances.
     pub fn add_row(&mut self, luminances: impl Iterator<Item = f64>) {
-        let mut row = 0.0;
+        let (mut row, mut squares) = (0.0, 0.0);
         for luminance in luminances.filter(|luminance| *luminance > 0.0) {
-            row += luminance.log2();
+            let log2 = luminance.log2();
+            row += log2;
+            squares += log2 * log2;
             self.pixels += 1;
+            self.largest = self.largest.max(luminance);
         }
         self.log2 += row;
-    }
-
-    /// Adds a value that must stay within `f32` when exposed.
-    pub fn add_value(&mut self, value: f32) {
-        self.largest = self.largest.max(value.abs());
+        self.squares += squares;
     }
 
     /// The factor to multiply radiance by: 2^−round(log₂ L), L the geometric mean of the positive
-    /// luminances; 1 for a picture without light; less where the largest value would grow beyond
-    /// [`LARGEST_EXPOSED`].
+    /// luminances; 1 for a picture without light. It is less where more than lone pixels would grow beyond
+    /// [`LARGEST_EXPOSED`], as a picture on a background of 1e-38 would.
     pub fn scale(&self) -> f32 {
-        let most = power_of_two_near_inverse(self.largest) * LARGEST_EXPOSED;
-        let typical = (self.log2 / self.pixels.max(1) as f64).round().clamp(-100.0, 100.0);
-        ((-typical).exp2() as f32).min(most)
+        let pixels = self.pixels.max(1) as f64;
+        let mean = self.log2 / pixels;
+        let deviation = (self.squares / pixels - mean * mean).max(0.0).sqrt();
+        let highest = self.largest.log2().min(mean + DEVIATIONS * deviation); // −∞ without light
+        let typical = mean.max(highest - (f64::from(EXPONENT) - HEADROOM));
+        (-typical.round().clamp(-100.0, 100.0)).exp2() as f32
     }
 }
 
-/// Multiplies a plane by `factor`; what would leave the finite numbers keeps to their end.
+/// Multiplies a plane by `factor`; saturates at ±`f32::MAX`.
 pub fn expose(plane: &mut Plane, factor: f32) {
     plane.change(|v| (v * factor).clamp(f32::MIN, f32::MAX));
 }
@@ -56,6 +69,13 @@ pub fn expose(plane: &mut Plane, factor: f32) {
 /// Multiplies a plane of variances by `factor`²; no larger than [`LARGEST_EXPOSED`] either.
 pub fn expose_variance(plane: &mut Plane, factor: f32) {
     plane.change(|v| limited_variance(v * factor * factor));
+}
+
+/// Takes a plane of squared errors back to where `exposure` came from: a number from 0 to `f32::MAX`.
+#[expect(clippy::manual_clamp, reason = "NaN is to become 0")]
+pub fn unexpose_error(plane: &mut Plane, exposure: f32) {
+    let back = exposure.recip(); // its square may be out of range
+    plane.change(|v| (v * back * back).max(0.0).min(f32::MAX));
 }
 
 /// A variance of what is exposed, no larger than [`LARGEST_EXPOSED`] either.
@@ -67,18 +87,31 @@ pub fn limited_variance(variance: f32) -> f32 {
 mod tests {
     use super::*;
 
+    /// Of so many pixels of each grey.
+    fn scale<const N: usize>(greys: [(f64, usize); N]) -> f32 {
+        let mut light = Light::default();
+        greys.iter().for_each(|(grey, pixels)| light.add_row(std::iter::repeat_n(*grey, *pixels)));
+        light.scale()
+    }
+
     #[test]
     fn a_grey_of_an_eighth_needs_eight_and_black_needs_nothing() {
-        let scale = |grey: f32, largest: f32| {
-            let mut light = Light::default();
-            (0..2).for_each(|_| light.add_row([f64::from(grey); 3].into_iter()));
-            light.add_value(-largest);
-            light.scale()
-        };
-        assert_eq!(scale(0.125, 0.125), 8.0);
-        assert_eq!(scale(0.13, 0.13), 8.0);
-        assert_eq!(scale(0.0, 0.0), 1.0);
-        let limited = scale(1.0, 1e32);
-        assert!(limited * 1e32 <= 2.0 * LARGEST_EXPOSED && limited * 1e32 > 0.5 * LARGEST_EXPOSED);
+        assert_eq!([0.125, 0.13, 0.0].map(|grey| scale([(grey, 6)])), [8.0, 8.0, 1.0]);
+    }
+
+    #[test]
+    fn what_is_lone_does_not_darken_the_picture_and_what_is_rare_stays_in_range() {
+        assert_eq!(scale([(1.0, 1999), (1e32, 1)]), 1.0);
+        for share in [2, 10, 500] {
+            let scale = scale([(1e-30, 1000 - 1000 / share), (1.0, 1000 / share)]);
+            assert!(3.0 * scale <= LARGEST_EXPOSED && scale >= 2f32.powi(50), "1 of {share}: {scale}");
+        }
+    }
+
+    #[test]
+    fn errors_of_the_brightest_picture_are_taken_back() {
+        let mut error = Plane::from_vec(3, 1, vec![2f32.powi(-100), 0.0, f32::NAN]).unwrap();
+        unexpose_error(&mut error, 2f32.powi(-100));
+        assert_eq!(error.data(), [2f32.powi(100), 0.0, 0.0]);
     }
 }

@@ -17,7 +17,10 @@ use crate::image::Plane;
 use crate::options::Options;
 use rayon::prelude::*;
 
-/// The answers, of the rows that were added so far.
+/// What must be known of a whole picture before a part of it can be denoised alone.
+///
+/// Call [`Facts::add`] for all rows from top to bottom, then [`Facts::add_outliers`] for all rows, then
+/// [`denoise_part`](super::denoise_part) for any part; with the same options throughout.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Facts {
     light: Light,
@@ -43,7 +46,7 @@ struct FeatureFacts {
 pub(crate) struct Known {
     /// For each channel.
     pub color: [bool; 3],
-    /// Each channel's variance is, but that of channels which are not.
+    /// Every channel whose colour is known has a usable variance at some pixel.
     pub variance: bool,
     /// The same of the halves.
     pub halves: bool,
@@ -58,7 +61,7 @@ pub(crate) struct Known {
 pub(crate) struct KnownFeature {
     /// For each plane.
     pub planes: Vec<bool>,
-    /// Each plane's variance is, but that of planes which are not.
+    /// Every plane that is known has a usable variance at some pixel.
     pub variance: bool,
     /// The same of the halves.
     pub halves: bool,
@@ -170,8 +173,6 @@ impl Facts {
         if let Some(halves) = rows.halves() {
             let noise = self.halves.get_or_insert_default();
             add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
-            let values = halves.iter().flatten().flat_map(|plane| plane.row(y));
-            values.filter(|v| good_radiance(**v)).for_each(|v| self.light.add_value(*v));
         }
     }
 
@@ -185,16 +186,12 @@ impl Facts {
         self.light.add_row(luminances);
         for x in 0..rows.width() {
             for (c, row) in good(x) {
-                self.light.add_value(row[x]);
                 self.color[c].add(row[x]);
             }
         }
         for (known, aov) in self.aovs.iter_mut().zip(rows.aovs()) {
             for (known, plane) in known.iter_mut().zip(&aov.color) {
-                for value in plane.row(y).iter().filter(|v| good_radiance(**v)) {
-                    self.light.add_value(*value);
-                    *known = true;
-                }
+                *known |= plane.row(y).iter().any(|v| good_radiance(*v));
             }
         }
     }

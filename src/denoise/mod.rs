@@ -86,8 +86,8 @@ pub fn denoise_in_sequence<'a>(
     run(frame, neighbours, &part, &facts, options, observer)
 }
 
-/// Denoises the pixels `part.wanted` of a picture of which `facts` are known; `frame` holds the pixels
-/// `part.read`. They get the very bits that they have when the picture is denoised as a whole.
+/// Denoises the pixels [`Part::wanted`] of a picture of which `facts` are known; `frame` holds the pixels
+/// [`Part::read`]. They get the very bits that they have when the picture is denoised as a whole.
 ///
 /// # Errors
 /// When an option is out of its range, or the frame is not of the part's size.
@@ -114,7 +114,7 @@ fn run(
     let (log, outline) = (&mut Log::new(observer), frame.outline());
     if !facts.has_noise() {
         log.begin(Stage::Sanitize);
-        let clean = sanitize::apply(frame, &facts.known(), part.within(), &mut log.summary);
+        let clean = sanitize::apply(frame, &facts.known(), facts.exposure(), part.within(), &mut log.summary);
         log.note("nothing to do: the picture has no noise");
         return Ok(unchanged(outline, clean, part, log));
     }

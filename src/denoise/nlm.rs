@@ -16,7 +16,8 @@ const BAND: usize = 16;
 /// Columns that are filtered together: what they need stays in the cache.
 const COLUMNS: usize = 256;
 
-/// Filters `planes`, whose noise has these `variances`, with weights by themselves (Rousselle, Knaus, Zwicker 2012).
+/// Filters `planes` of any unit, whose noise has these `variances`, with weights by themselves (Rousselle, Knaus,
+/// Zwicker 2012).
 pub fn filter(
     planes: &[Plane],
     variances: &[Plane],
@@ -37,7 +38,7 @@ pub fn filter(
         for left in (0..width).step_by(COLUMNS) {
             let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
             let rect = Rect { x: left, y: rows.start, width: columns.len(), height: rows.len() };
-            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius], 0.0);
+            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius], 0.0).of_any_unit();
             arch.dispatch(Part {
                 guide,
                 planes,

@@ -62,10 +62,19 @@ fn told(options: &Options) -> usize {
 /// A part of a picture that is denoised alone, and what must be read for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
-    /// The pixels to denoise, in the picture's coordinates.
-    pub wanted: Rect,
-    /// The pixels that the frame holds: those and the halo around them.
-    pub read: Rect,
+    pub(super) wanted: Rect,
+    pub(super) read: Rect,
+}
+
+/// The rectangle, where it has pixels and all of them are in a picture of `size`.
+fn inside(wanted: Rect, size: (usize, usize)) -> Result<Rect> {
+    let Rect { x, y, width, height } = wanted;
+    if width > 0 && height > 0 && Rect::whole(size).holds(wanted) {
+        return Ok(wanted);
+    }
+    let what =
+        format!("a part of {width}×{height} pixels from ({x}, {y}) of a picture of {}×{}", size.0, size.1);
+    Err(Error::new(ErrorKind::Usage, what).remedy("give one inside the picture"))
 }
 
 impl Part {
@@ -74,17 +83,33 @@ impl Part {
         Self { wanted: Rect::whole(size), read: Rect::whole(size) }
     }
 
-    /// The part `wanted` of a picture of `size`, which must lie inside it and of which `facts` are known.
-    pub fn new(wanted: Rect, size: (usize, usize), options: &Options, facts: &Facts) -> Self {
-        let read = wanted.grown(reach(options, facts.noise_is_estimated()), size);
-        Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } }
+    /// The part `wanted` of a picture of `size`, of which `facts` are known.
+    ///
+    /// # Errors
+    /// When it has no pixel or does not lie inside the picture.
+    pub fn new(wanted: Rect, size: (usize, usize), options: &Options, facts: &Facts) -> Result<Self> {
+        let read = inside(wanted, size)?.grown(reach(options, facts.noise_is_estimated()), size);
+        Ok(Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } })
     }
 
     /// What must be read of a picture of `size` to find the outliers of its pixels `wanted` (see
     /// [`Facts::add_outliers`](super::Facts::add_outliers)).
-    pub fn of_outliers(wanted: Rect, size: (usize, usize), options: &Options) -> Self {
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn of_outliers(wanted: Rect, size: (usize, usize), options: &Options) -> Result<Self> {
         let reach = sanitize::REACH + told(options);
-        Self { wanted, read: wanted.grown(reach, size) }
+        Ok(Self { wanted, read: inside(wanted, size)?.grown(reach, size) })
+    }
+
+    /// The pixels to denoise, in the picture's coordinates.
+    pub fn wanted(&self) -> Rect {
+        self.wanted
+    }
+
+    /// The pixels that the frame holds: those and the halo around them.
+    pub fn read(&self) -> Rect {
+        self.read
     }
 
     /// Whether nothing is read around it, as of a whole picture.

@@ -36,3 +36,38 @@ fn planes(feature: Cow<'_, Feature>) -> Vec<Plane> {
         Cow::Owned(feature) => feature.planes,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::FeatureKind;
+
+    #[test]
+    fn the_unit_of_a_feature_does_not_matter() {
+        let grain = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 13) as f32 / 13.0 - 0.5;
+        let filtered = |unit: f32| {
+            let plane = |f: &dyn Fn(usize, usize) -> f32| Plane::from_fn(24, 17, f);
+            let step = |x: usize| if x < 12 { 0.3 } else { 0.8 };
+            let feature = Feature::new(
+                "x",
+                FeatureKind::Other,
+                vec![plane(&|x, y| unit * (step(x) + 0.1 * grain(x, y)))],
+            );
+            // Of every seventh pixel it is claimed that it has no noise.
+            let known = |x: usize, y: usize| (x + 5 * y).is_multiple_of(7);
+            let variance = plane(&|x, y| if known(x, y) { 0.0 } else { unit * unit * 1e-3 });
+            apply(
+                Cow::Owned(feature.with_variance_of_mean(vec![variance])),
+                true,
+                &PrefilterOptions::default(),
+            )
+            .remove(0)
+        };
+        let plain = filtered(1.0);
+        for unit in [2f32.powi(-30), 2f32.powi(30)] {
+            let mut back = filtered(unit);
+            back.change(|v| v / unit);
+            assert_eq!(back, plain, "{unit}");
+        }
+    }
+}

@@ -59,7 +59,7 @@ pub fn without_outliers<'a>(
     log: &mut Log<'_>,
 ) -> (Clean<'a>, Removed) {
     log.begin(Stage::Sanitize);
-    let mut clean = sanitize::apply(frame, known, part.within(), &mut log.summary);
+    let mut clean = sanitize::apply(frame, known, exposure, part.within(), &mut log.summary);
     clean.expose(exposure);
     log.begin(Stage::Outliers);
     let removed = outlier::remove(&mut clean, options);

@@ -10,7 +10,7 @@
 
 use super::reconstruct::Reconstruction;
 use super::signal::Signal;
-use super::variance::smooth;
+use super::variance::{around as places, smooth};
 use crate::image::{Plane, Rgb, mean_of_channels, sum_of_channels};
 use rayon::prelude::*;
 
@@ -35,9 +35,6 @@ const NOISE_RADIUS: usize = 7;
 /// and 0.5: relMSE ×1, ×1.004 and ×1.005 (five scenes), ×1, ×1.000 and ×1.000 (thirteen others); within 4 pixels ×1.002
 /// and ×1.000, but half of the specks stay.
 const LEAST_NOISE: f32 = 0.1;
-
-/// Pixels within [`RADIUS`].
-const PIXELS: f32 = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
 
 /// Radius over which the shares are averaged.
 const SHARE_RADIUS: usize = 1;
@@ -70,12 +67,14 @@ fn shares(noisy: [&Plane; 3], reconstruction: &Rgb, variance: &Rgb, smoothed: &R
     let own = sum_of_channels(variance);
     let around = |plane: &Plane| smooth(plane, RADIUS);
     let squares = around(&Plane::par_from_fn(width, height, |x, y| own.get(x, y).powi(2).min(f32::MAX)));
+    let near = |at: usize, limit: usize| places(at, RADIUS, limit).len();
     let widely = smooth(&own, NOISE_RADIUS);
     let (residual, noise, own) = (around(&residual), around(&noise), around(&own));
     let shares = Plane::par_from_fn(width, height, |x, y| {
         let (s, own) = (residual.get(x, y), own.get(x, y));
         let n = noise.get(x, y).max(LEAST_NOISE * widely.get(x, y));
-        let lone = if own > 0.0 { (squares.get(x, y) / PIXELS).sqrt() / own } else { 0.0 };
+        let pixels = (near(x, width) * near(y, height)) as f32;
+        let lone = if own > 0.0 { (squares.get(x, y) / pixels).sqrt() / own } else { 0.0 };
         let margin = MARGIN.max(1.0 + LONE_MARGIN * lone);
         if s > 0.0 { (1.0 - margin * n / s).max(0.0) } else { 0.0 }
     });
@@ -124,14 +123,16 @@ mod tests {
 
     #[test]
     fn a_lone_pixel_must_stand_out_of_its_noise_by_more_than_many() {
-        let spot = |x: usize, y: usize| (x, y) == (8, 6);
-        let share = |deviations: f32| {
-            let noisy = grey(|x, y| if spot(x, y) { 1.0 + deviations } else { 1.0 });
-            let variance = grey(|x, y| if spot(x, y) { 1.0 } else { 1e-4 });
-            shares(noisy.each_ref(), &grey(|_, _| 1.0), &variance, &variance).get(8, 6)
+        let share = |spot: (usize, usize), deviations: f32| {
+            let noisy = grey(|x, y| if (x, y) == spot { 1.0 + deviations } else { 1.0 });
+            let variance = grey(|x, y| if (x, y) == spot { 1.0 } else { 1e-4 });
+            shares(noisy.each_ref(), &grey(|_, _| 1.0), &variance, &variance).get(spot.0, spot.1)
         };
-        // Of one pixel the margin is 3, of many 2.
-        assert_eq!(share(1.7), 0.0);
-        assert!((share(6.0) - (1.0 - 3.0 / 36.0)).abs() < 0.01, "{}", share(6.0));
+        // Of one pixel the margin is 3, of many 2, and also in a corner, where there are fewer around.
+        for spot in [(8, 6), (0, 0), (15, 0)] {
+            assert_eq!(share(spot, 1.7), 0.0, "{spot:?}");
+            let far = share(spot, 6.0);
+            assert!((far - (1.0 - 3.0 / 36.0)).abs() < 0.01, "{spot:?}: {far}");
+        }
     }
 }

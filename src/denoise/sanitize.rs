@@ -7,7 +7,7 @@
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
 
-use super::exposure;
+use super::exposure::{self, LARGEST_EXPOSED};
 use super::facts::{Known, KnownFeature};
 use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rect, Rgb};
@@ -106,7 +106,7 @@ pub fn good_radiance(value: f32) -> bool {
     value.abs() <= LARGEST_RADIANCE // false for NaN
 }
 
-/// Whether a variance of the colour's mean is one.
+/// Whether a variance of the colour's mean is usable: 0 to 1e37.
 pub fn good_variance(value: f32) -> bool {
     (0.0..=LARGEST_VARIANCE).contains(&value)
 }
@@ -121,35 +121,38 @@ pub fn limited_feature(value: f32) -> f32 {
     value.clamp(-LARGEST_FEATURE, LARGEST_FEATURE)
 }
 
-/// Whether a feature's variance is one.
+/// Whether a feature's variance is usable: 0 or more, finite.
 pub fn good_feature_variance(value: f32) -> bool {
     value >= 0.0 && value.is_finite()
 }
 
-/// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Planes
+/// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Radiance that
+/// `exposure` would bring beyond all measure is repaired too: one such pixel must not decide how all are seen. Planes
 /// that are a number nowhere in the whole picture, as it is `known`, are left out: of the colour and the AOVs
 /// such a channel is black, of the features such a plane is 0, statistics are done without.
 pub(crate) fn apply<'a>(
     frame: Cow<'a, Frame>,
     known: &Known,
+    exposure: f32,
     counted: Rect,
     summary: &mut Summary,
 ) -> Clean<'a> {
+    let good = |value: f32| good_radiance(value) && (value * exposure).abs() <= LARGEST_EXPOSED;
     let left_out = left_out(&frame, known);
     let mut clean = Clean::of(frame);
     clean.variance.take_if(|_| !known.variance);
     clean.halves.take_if(|_| !known.halves);
     blacken(&mut clean.color, &known.color);
-    let bad_color = bad_pixels(&clean.color, good_radiance);
+    let bad_color = bad_pixels(&clean.color, good);
     summary.repaired_color = repair(clean.color.iter_mut(), &bad_color, counted);
     for (aov, known) in clean.aovs.iter_mut().zip(&known.aovs) {
         blacken(aov, known);
-        let bad = either(bad_pixels(&*aov, good_radiance), &bad_color);
+        let bad = either(bad_pixels(&*aov, good), &bad_color);
         summary.repaired_aovs += repair(aov.iter_mut(), &bad, counted) - summary.repaired_color;
     }
     if let Some(halves) = &mut clean.halves {
         halves.iter_mut().for_each(|half| blacken(half, &known.color));
-        let bad = either(bad_pixels(halves.iter().flatten(), good_radiance), &bad_color);
+        let bad = either(bad_pixels(halves.iter().flatten(), good), &bad_color);
         summary.repaired_halves = repair(halves.iter_mut().flatten(), &bad, counted) - summary.repaired_color;
     }
     summary.negative_color = negative(&clean.color, counted);
@@ -334,7 +337,8 @@ mod tests {
 
     fn applied<'a>(frame: &'a Frame, summary: &mut Summary) -> Clean<'a> {
         let all = Rect::whole((frame.width(), frame.height()));
-        apply(frame.into(), &Facts::of(frame).known(), all, summary)
+        let facts = Facts::of(frame);
+        apply(frame.into(), &facts.known(), facts.exposure(), all, summary)
     }
 
     fn repair_one(plane: &mut Plane, counted: Rect) -> usize {

@@ -45,7 +45,7 @@ pub struct Problem<'a> {
 pub struct Pilot {
     /// Its reconstruction of the colour.
     pub color: Rgb,
-    /// The radiance, mean over the channels, that every pixel has for certain.
+    /// Lower confidence bound of its mean radiance over the channels: max(0, L̂ − 2√mse).
     pub certain: Plane,
 }
 

@@ -2,8 +2,8 @@
 //!
 //! Where noise is heavy every colour resembles every other, and a window fits what lies on both sides of an
 //! edge that the features show. The distance of the pixels p and q is Σ_f |f_p−f_q|² / max(d_f(p), d_f(q)), over
-//! the features f, each of one plane or three, with d_f = max(τ σ_f², ¼(|∂_x f|² + |∂_y f|²)): where a feature
-//! slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture, of a
+//! the features f, each of one plane or three, with d_f = max(τ σ_f², |∂_x f|² + |∂_y f|²), central differences per
+//! pixel: where a feature slopes, a step of a few pixels is no difference. σ_f² is the feature's variance over the whole picture, of a
 //! depth at most its square: mountains far behind do not blur what is near. `[choice]` three layers 2 apart with a
 //! quarter of the picture at depth 8, 50 and 200: error 0.0225 each, 0.0225, 0.0277 and 0.0319 without; a quarter of
 //! the square is relMSE ×1.005 on thirteen scenes. What weights are made of is the larger one of this and the

@@ -122,8 +122,9 @@ fn comparable(frame: &Outline, other: &Outline) -> Result<(), String> {
     }
     if frame.features != other.features {
         let list = |outline: &Outline| {
-            let features = outline.features.iter().map(|(name, planes)| format!("{name} ({planes})"));
-            features.collect::<Vec<_>>().join(", ")
+            let features = outline.features.iter();
+            let told = features.map(|(name, kind, planes)| format!("{name} ({planes}) as {kind:?}"));
+            told.collect::<Vec<_>>().join(", ")
         };
         let (has, wanted) = (list(other), list(frame));
         return Err(format!("its features are '{has}' where this one's are '{wanted}'"));

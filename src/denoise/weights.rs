@@ -1,8 +1,9 @@
 //! Weights of a window: how much each pixel resembles the centre.
 //!
 //! The distance is the variance-normalised patch distance of Rousselle, Knaus, Zwicker 2012,
-//! Δ²(p,q) = Σ_c ((u_p−u_q)² − (V_p + min(V_p,V_q))) / (ε + Σ_c (V_p + V_q)), averaged over the patch; the
-//! bandwidth k divides it by k², and w = exp(−max(0, Δ²/k²)).
+//! Δ²(p,q) = Σ_c ((u_p−u_q)² − (V_p + min(V_p,V_q))) / (ε + Σ_c (V_p + V_q + τ²(u_p² + u_q²))), averaged over the
+//! patch; τ, a share of the radiance that counts as noise does, is ours. The bandwidth k divides it by k², and
+//! w = exp(−max(0, Δ²/k²)).
 //!
 //! `[choice]` numerator and denominator are summed over the channels before the division, where the
 //! paper divides channel by channel: relMSE ×0.94 over three scenes at 64 spp, and a third of the divisions.
@@ -13,7 +14,7 @@ use pulp::Simd;
 use rayon::prelude::*;
 use std::borrow::Borrow;
 
-/// Keeps the distance finite where neither pixel has any noise.
+/// ε: keeps the distance finite where neither pixel has any noise, of a picture that is exposed.
 const DISTANCE_EPSILON: f32 = 1e-10;
 
 /// Where Δ²/k² is beyond this, ln 20, w is under 0.05 and set to 0 (Rousselle, Knaus, Zwicker 2012).
@@ -31,6 +32,7 @@ pub struct Guide {
     noise: Vec<f32>,
     /// The noise and the tolerance's squares, summed over the planes: what differences are measured by.
     level: Vec<f32>,
+    epsilon: f32,
     stride: usize,
     pad: usize,
 }
@@ -106,7 +108,14 @@ impl Guide {
             }
             level.iter_mut().zip(&*noise).for_each(|(level, noise)| *level += noise);
         });
-        Self { planes, variances, noise, level, stride, pad }
+        Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad }
+    }
+
+    /// The same of planes of any unit: by an ε that is less than any variance. By the picture's a feature in a
+    /// millionth of its unit was filtered so that the result's error was ×1.5.
+    #[must_use]
+    pub fn of_any_unit(self) -> Self {
+        Self { epsilon: f32::MIN_POSITIVE, ..self }
     }
 
     /// The same of `planes` with these `variances`.
@@ -156,7 +165,7 @@ impl Guide {
         let (p, length, radius) = (at(x, y), distance_stride(radius), radius as isize);
         let all = |value: f32| simd.splat_f32s(value);
         let here: [_; 3] = std::array::from_fn(|c| [all(self.planes[c][p]), all(self.variances[c][p])]);
-        let (noise, least) = (all(self.noise[p]), all(DISTANCE_EPSILON + self.level[p]));
+        let (noise, least) = (all(self.noise[p]), all(self.epsilon + self.level[p]));
         for (out, y) in out.chunks_exact_mut(length).zip(y - radius..) {
             let row = at(x - radius, y);
             let there: [_; 3] = std::array::from_fn(|c| {
@@ -219,7 +228,7 @@ impl Guide {
         }
         let levels = self.level[p.clone()].iter().zip(&self.level[q]);
         for ((out, noise), (lp, lq)) in out.iter_mut().zip(&self.noise[p]).zip(levels) {
-            *out = difference(*out, *noise, [*lp, *lq]);
+            *out = difference(*out, *noise, self.epsilon + *lp + *lq);
         }
     }
 }
@@ -238,10 +247,10 @@ fn excess((up, vp): (f32, f32), (uq, vq): (f32, f32)) -> f32 {
     difference * difference - if vp < vq { vp } else { vq }
 }
 
-/// The pixels' difference, from the channels' excess, Σ_c V_p and the levels of p and q.
+/// The pixels' difference, from the channels' excess, Σ_c V_p and what it is measured by.
 #[inline(always)]
-fn difference(excess: f32, noise: f32, [here, there]: [f32; 2]) -> f32 {
-    (excess - noise) / (DISTANCE_EPSILON + here + there)
+fn difference(excess: f32, noise: f32, level: f32) -> f32 {
+    (excess - noise) / level
 }
 
 /// w = exp(−max(0, Δ²)/k²), 0 where that is too little.

@@ -4,7 +4,7 @@ use super::{check, mean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
 
-/// Pixels are sorted by their estimate and cut into this many groups of equal size.
+/// Pixels are sorted by their estimate and cut into this many groups, equal in size to one.
 const GROUPS: usize = 10;
 
 /// The estimated mean squared error beside the true one.
@@ -39,12 +39,17 @@ pub fn calibration(mse: &Plane, result: &Rgb, reference: &Rgb) -> Result<Calibra
         ));
     }
     let squared = |i: usize| {
-        (0..3).map(|c| f64::from(result[c].data()[i] - reference[c].data()[i]).powi(2)).sum::<f64>() / 3.0
+        (0..3)
+            .map(|c| (f64::from(result[c].data()[i]) - f64::from(reference[c].data()[i])).powi(2))
+            .sum::<f64>()
+            / 3.0
     };
     let truth: Vec<f64> = (0..mse.data().len()).map(squared).collect();
     let estimate: Vec<f64> = mse.data().iter().map(|&value| value.into()).collect();
     let mut by_estimate: Vec<usize> = (0..truth.len()).collect();
     by_estimate.sort_by(|&a, &b| estimate[a].total_cmp(&estimate[b]).then(a.cmp(&b)));
+    let place = |g: usize| g * by_estimate.len() / GROUPS;
+    let groups = (0..GROUPS).map(|g| &by_estimate[place(g)..place(g + 1)]);
     let group = |members: &[usize]| {
         let of = |values: &[f64]| members.iter().map(|&i| values[i]).sum::<f64>() / members.len() as f64;
         (of(&estimate), of(&truth))
@@ -52,7 +57,7 @@ pub fn calibration(mse: &Plane, result: &Rgb, reference: &Rgb) -> Result<Calibra
     Ok(Calibration {
         ratio: mean(&estimate) / mean(&truth),
         rank_correlation: correlation(&ranks(&estimate), &ranks(&truth)),
-        groups: by_estimate.chunks(truth.len().div_ceil(GROUPS)).map(group).collect(),
+        groups: groups.filter(|members| !members.is_empty()).map(group).collect(),
     })
 }
 
@@ -107,6 +112,16 @@ mod tests {
         let mse = Plane::from_fn(6, 1, |x, _| 6.0 - x as f32);
         assert!((calibration(&mse, &result, &black(6, 1)).unwrap().rank_correlation + 1.0).abs() < 1e-12);
         assert_eq!(ranks(&[3.0, 1.0, 3.0, 0.0]), [2.5, 1.0, 2.5, 0.0]);
+    }
+
+    #[test]
+    fn groups_are_equal_and_as_many_as_there_are_pixels_for() {
+        let groups = |pixels: usize| {
+            let mse = Plane::from_fn(pixels, 1, |x, _| x as f32);
+            calibration(&mse, &black(pixels, 1), &black(pixels, 1)).unwrap().groups
+        };
+        assert_eq!(groups(21).iter().map(|group| group.0).collect::<Vec<_>>()[8..], [16.5, 19.0]);
+        assert_eq!([0, 3, 10, 21].map(|pixels| groups(pixels).len()), [0, 3, 10, 10]);
     }
 
     #[test]

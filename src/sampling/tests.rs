@@ -29,6 +29,16 @@ fn sums_are_exact_for_any_error_budget_and_decay() {
 }
 
 #[test]
+fn without_any_sample_yet_all_pixels_count_as_having_one() {
+    let map = error(|x, _| 0.01 * (1 + x) as f32);
+    let options = SamplingOptions::default();
+    let first = allocate(&map, &[0; W * H], 1000, None, &options).unwrap();
+    assert_eq!(first, allocate(&map, &[1; W * H], 1000, None, &options).unwrap());
+    assert_eq!(sum(&first), 1000);
+    assert!(samples_needed(&map, &[0.0; W * H], 1e-4, &options).unwrap() > 100.0 * (W * H) as f64);
+}
+
+#[test]
 fn samples_level_the_priority() {
     // n ∝ √(E n₀) for α = 1: errors of 1 and 4 with 8 samples each end with 1 : 2.
     let map = error(|x, _| if x < 6 { 1.0 } else { 4.0 });
@@ -40,11 +50,8 @@ fn samples_level_the_priority() {
         assert_eq!(8 + more, if i % W < 6 { 16 } else { 32 });
     }
     // What is left by then, E·8/n, over n is the same everywhere.
-    let after: Vec<u32> = samples.iter().map(|more| 8 + more).collect();
-    let left = error(|x, y| map.get(x, y) * 8.0 / after[y * W + x] as f32);
-    let levels = priority(&left, &after, &options);
+    let levels = error(|x, y| map.get(x, y) * 8.0 / (8 + samples[y * W + x]).pow(2) as f32);
     assert!(levels.data().iter().all(|p| (p - 1.0 / 32.0).abs() < 1e-6), "{levels:?}");
-    assert_eq!(priority(&map, &counts, &options).get(0, 0), 0.125);
     // A pixel that has more than its share gets none.
     let counts: Vec<u32> = (0..W * H).map(|i| if i == 5 { 1000 } else { 8 }).collect();
     let even = error(|x, y| if y * W + x == 5 { 1e-4 } else { 1.0 });

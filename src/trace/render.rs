@@ -84,7 +84,7 @@ pub struct Renderer<'a> {
 pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendered> {
     if options.spp == 0 {
         let error = Error::new(ErrorKind::Usage, "0 samples per pixel where at least 1 was expected");
-        return Err(error.remedy("give --spp 1 or more"));
+        return Err(error.remedy("give an spp of 1 or more"));
     }
     let mut renderer = Renderer::new(scene, options);
     renderer.pass(Samples::Uniform(options.spp))?;

@@ -78,8 +78,8 @@ fn what_cannot_be_rendered_in_rounds_is_refused() {
         render(&mut renderer, &options, &mut |_| {}).unwrap_err().to_string()
     };
     let options = AdaptiveOptions::default;
-    assert!(refused(AdaptiveOptions { rounds: 1, ..options() }, 0).contains("--rounds 2"));
-    assert!(refused(AdaptiveOptions { spp: 4, ..options() }, 0).contains("--spp 5"));
+    assert!(refused(AdaptiveOptions { rounds: 1, ..options() }, 0).contains("give 2 rounds"));
+    assert!(refused(AdaptiveOptions { spp: 4, ..options() }, 0).contains("an spp of 5"));
     assert!(refused(AdaptiveOptions { target_error: Some(-1.0), ..options() }, 0).contains("above 0"));
     assert!(refused(options(), 1).contains("begun already"));
 }

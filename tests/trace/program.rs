@@ -215,9 +215,9 @@ fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
     assert_eq!((&told["adaptive"]["target_met"], &told["samples"]), (&true.into(), &(3 * 20 * 14).into()));
 
     for (refused, why) in [
-        (&["--spp", "3"][..], "give --spp 5 or more"),
+        (&["--spp", "3"][..], "give an spp of 5 or more"),
         (&["--reference", "100"], "cannot be used with"),
-        (&["--spp", "9", "--rounds", "1"], "--rounds 2"),
+        (&["--spp", "9", "--rounds", "1"], "give 2 rounds or more"),
     ] {
         let output = adaptive(refused);
         let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -222,14 +222,15 @@ impl Surveyed {
             height: rows.min(target.height - y),
             ..target
         });
-        let parts: Vec<Part> = bands.map(|band| Part::new(band, survey.size(), options, &facts)).collect();
+        let parts = bands.map(|band| Part::new(band, survey.size(), options, &facts));
+        let parts: Vec<Part> = parts.collect::<Result<_>>()?;
         let apart = parts.iter().any(|part| !part.is_whole());
         if apart && options.outliers.enabled && facts.has_noise() {
             let (width, height) = survey.size();
             for y in (0..height).step_by(OUTLIER_ROWS) {
                 let rows = Rect { x: 0, y, width, height: OUTLIER_ROWS.min(height - y) };
-                let part = Part::of_outliers(rows, survey.size(), options);
-                facts.add_outliers(&survey.read(part.read)?, &part, options)?;
+                let part = Part::of_outliers(rows, survey.size(), options)?;
+                facts.add_outliers(&survey.read(part.read())?, &part, options)?;
             }
         }
         Ok(Self { survey, facts, target, is_region: arguments.region.is_some(), parts })
@@ -242,7 +243,7 @@ impl Surveyed {
             if self.parts.len() > 1 {
                 clock.begin(&format!("band {} of {}", n + 1, self.parts.len()));
             }
-            let frame = self.survey.read(part.read)?;
+            let frame = self.survey.read(part.read())?;
             let input = input_error(&frame);
             let denoised = if self.parts.len() > 1 {
                 denoiser.denoise_part(frame, part, &self.facts, &Silent)?
@@ -253,7 +254,7 @@ impl Surveyed {
             match &mut whole {
                 None if self.parts.len() == 1 => whole = Some(denoised),
                 None => whole = Some(denoised.begin(self.target.size())),
-                Some(whole) => whole.put(&denoised, (0, part.wanted.y - self.target.y)),
+                Some(whole) => whole.put(&denoised, (0, part.wanted().y - self.target.y)),
             }
         }
         let denoised = whole.expect("a picture has rows");
