@@ -5,8 +5,20 @@
 //! times as large. What the last stage changed of the stage before, Δ² = |ŷ − μ̂|², knows better.
 //!
 //! `[choice]` with every term over the light l = ŷ² + ε, E/l = κ (Δ²/l)^¾ (ξ/l)^¼ (σ²/l)^¼, means over 5×5 pixels. The
-//! exponents and κ are of a search over thirteen scenes at 16, 64 and 256 spp (two seeds):
-//! MEASURE
+//! exponents and κ are of a search over thirteen scenes at 16, 64 and 256 spp. Estimated over true relMSE, its geometric
+//! mean and the factor that is one deviation over the scenes, against ξ alone:
+//!
+//! | | spp | ξ | E |
+//! |---|--:|--:|--:|
+//! | the thirteen | 16 | 0.49, ×5.8 | 1.30, ×2.2 |
+//! | | 64 | 1.24, ×3.2 | 1.28, ×1.9 |
+//! | | 256 | 1.50, ×4.6 | 0.89, ×2.1 |
+//! | five others | 16 | 0.55, ×2.8 | 0.75, ×1.3 |
+//! | | 64 | 1.25, ×4.2 | 0.70, ×1.4 |
+//! | | 256 | 2.57, ×6.5 | 0.91, ×1.3 |
+//!
+//! Too sure of itself it is where both stages keep pixels as they are: ×0.2 on fine foliage at 256 spp.
+
 use super::reconstruct::Reconstruction;
 use super::variance::smooth;
 use crate::image::{Plane, Rgb, mean_of_channels};
