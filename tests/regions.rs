@@ -42,7 +42,7 @@ fn write_regions(
     aux: bool,
 ) -> Vec<PathBuf> {
     let mut facts = Facts::default();
-    let mut survey = Survey::open(input, read, |rows| facts.add(rows)).unwrap();
+    let mut survey = Survey::open(input, read, 0, |rows| facts.add(rows)).unwrap();
     survey.sign("quick");
     let (width, height) = survey.size();
     let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick());
@@ -139,7 +139,7 @@ fn regions_that_do_not_fit_together_are_refused() {
     let (foliage, other) = (fixture("trace/foliage.exr"), fixture("trace/fog_shaft.exr"));
     let part = |x: usize, width: usize| Rect { x, y: 0, width, height: 15 };
     let read = ReadOptions::default();
-    let size = Survey::open(&foliage, &read, |_| {}).unwrap().size();
+    let size = Survey::open(&foliage, &read, 0, |_| {}).unwrap().size();
     let regions = [Rect { x: 0, y: 0, width: size.0, height: 10 }, part(0, 5), part(5, 9)];
     let paths = write_regions(folder.path(), &foliage, &read, &regions, false);
     let elsewhere = tempfile::tempdir().unwrap();
@@ -212,7 +212,7 @@ fn the_program_merges_what_it_cut() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let input = fixture("trace/foliage.exr").to_str().unwrap().to_owned();
-    let (width, height) = Survey::open(&input, &ReadOptions::default(), |_| {}).unwrap().size();
+    let (width, height) = Survey::open(&input, &ReadOptions::default(), 0, |_| {}).unwrap().size();
     let run = |arguments: &[&str]| {
         let output = program(arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -30,6 +30,7 @@ mod document;
 mod encode;
 mod evidence;
 mod halves;
+mod kept;
 mod layers;
 mod layout;
 mod limits;
