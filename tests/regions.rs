@@ -282,3 +282,65 @@ fn a_bound_of_memory_changes_no_bit_and_is_kept() {
         assert!(peak <= bound << 20, "{stage}");
     }
 }
+
+/// Bytes that a run reads, as a multiple of its input's.
+#[cfg(target_os = "linux")]
+fn times_read(input: &str, arguments: &[&str]) -> f64 {
+    let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    let mut child = run.args(QUICK).arg(input).args(arguments).spawn().unwrap();
+    let tells = |file: &str| std::fs::read_to_string(format!("/proc/{}/{file}", child.id())).unwrap();
+    while !tells("stat").contains(") Z ") {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let io = tells("io"); // of one that has ended too, until it is waited for
+    let read: f64 = io.lines().find_map(|line| line.strip_prefix("rchar: ")).unwrap().parse().unwrap();
+    assert!(child.wait().unwrap().success());
+    read / std::fs::metadata(input).unwrap().len() as f64
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_is_read_once_where_the_memory_holds_it() {
+    const SIZE: (usize, usize) = (96, 900);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, output) = (path("in.exr"), path("out.exr"));
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B", "depth.Z", "A"];
+    let encoding = scan_lines(Compression::Uncompressed);
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names)));
+    let half = "0,450,96,450";
+    // A region is read once more for what passes through.
+    for (more, most) in [
+        (&[][..], 1.2),
+        (&["--memory", "4G"], 1.2),
+        (&["--memory", "4G", "--region", half], 1.2),
+        (&["--region", half], 1.7),
+    ] {
+        let times = times_read(&input, &[&[&output[..]], more].concat());
+        assert!(times < most, "{more:?}: {times}");
+    }
+}
+
+/// A part with a denoised channel may have hundreds of others.
+#[test]
+fn what_passes_through_a_region_is_not_held() {
+    const SIZE: (usize, usize) = (96, 900);
+    const OTHERS: usize = 500;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, report) = (path("in.exr"), path("report.json"));
+    let mut all = channels(SIZE, &["R", "G", "B"]);
+    let flat = |n: usize| float(&format!("other{n:03}.Y"), vec![0.5; SIZE.0 * SIZE.1]);
+    all.extend((0..OTHERS).map(flat));
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), all));
+    let mut arguments = QUICK.to_vec();
+    let output = path("out.exr");
+    arguments.extend([&input[..], &output, "--region", "0,0,96,900", "--threads", "2", "--report", &report]);
+    assert!(program(&arguments).status.success());
+    let told: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    let others = (OTHERS * SIZE.0 * SIZE.1 * size_of::<f32>()) as u64;
+    for stage in told["stages"].as_array().unwrap() {
+        let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
+        assert!(peak < others, "{stage}: {others} bytes pass through");
+    }
+}

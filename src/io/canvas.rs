@@ -17,8 +17,8 @@ use super::limits::check_memory;
 use super::source::{bands, part_of};
 use crate::error::Result;
 
-/// Writes all blocks of `headers[part]`, in its line order, strip by strip, whose pixels `gather` brings. Every strip has
-/// as many rows as the blocks that they are gathered from, `lines`, or more: else those are decoded for many.
+/// Writes all blocks of `headers[part]`, in its line order, strip by strip, whose pixels `gather` brings. A strip has at
+/// least the `lines` of the blocks that these come from, or each of those would be decoded for many.
 ///
 /// # Errors
 /// What `gather` fails with, and when the disk is full.

@@ -1,5 +1,5 @@
-//! A render on disk that was looked through once: what is known of it as a whole, and its pixels part by
-//! part. What is held in memory is never the picture.
+//! A render on disk that was looked through: what is known of it as a whole, and its pixels part by part. No more of
+//! it is held in memory than the caller has room for.
 
 use std::path::Path;
 
@@ -41,7 +41,7 @@ type BothHeld = (Held, Option<Held>);
 
 impl Survey {
     /// Looks through the file at `path`, band by band, and shows all rows to `look`, in order. Up to `room` bytes of
-    /// what is decoded are kept, and not read again until [`Self::keep`] says otherwise.
+    /// what is decoded are kept, so that they need not be read again.
     ///
     /// # Errors
     /// As [`Picture::read`](super::Picture::read).
