@@ -42,7 +42,7 @@ fn write_regions(
     aux: bool,
 ) -> Vec<PathBuf> {
     let mut facts = Facts::default();
-    let mut survey = Survey::open(input, read, |rows| facts.add(rows)).unwrap();
+    let mut survey = Survey::open(input, read, 0, |rows| facts.add(rows)).unwrap();
     survey.sign("quick");
     let (width, height) = survey.size();
     let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick()).unwrap();
@@ -139,7 +139,7 @@ fn regions_that_do_not_fit_together_are_refused() {
     let (foliage, other) = (fixture("trace/foliage.exr"), fixture("trace/fog_shaft.exr"));
     let part = |x: usize, width: usize| Rect { x, y: 0, width, height: 15 };
     let read = ReadOptions::default();
-    let size = Survey::open(&foliage, &read, |_| {}).unwrap().size();
+    let size = Survey::open(&foliage, &read, 0, |_| {}).unwrap().size();
     let regions = [Rect { x: 0, y: 0, width: size.0, height: 10 }, part(0, 5), part(5, 9)];
     let paths = write_regions(folder.path(), &foliage, &read, &regions, false);
     let elsewhere = tempfile::tempdir().unwrap();
@@ -212,7 +212,7 @@ fn the_program_merges_what_it_cut() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let input = fixture("trace/foliage.exr").to_str().unwrap().to_owned();
-    let (width, height) = Survey::open(&input, &ReadOptions::default(), |_| {}).unwrap().size();
+    let (width, height) = Survey::open(&input, &ReadOptions::default(), 0, |_| {}).unwrap().size();
     let run = |arguments: &[&str]| {
         let output = program(arguments);
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -280,5 +280,67 @@ fn a_bound_of_memory_changes_no_bit_and_is_kept() {
     for stage in report["stages"].as_array().unwrap() {
         let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
         assert!(peak <= bound << 20, "{stage}");
+    }
+}
+
+/// Bytes that a run reads, as a multiple of its input's.
+#[cfg(target_os = "linux")]
+fn times_read(input: &str, arguments: &[&str]) -> f64 {
+    let mut run = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    let mut child = run.args(QUICK).arg(input).args(arguments).spawn().unwrap();
+    let tells = |file: &str| std::fs::read_to_string(format!("/proc/{}/{file}", child.id())).unwrap();
+    while !tells("stat").contains(") Z ") {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let io = tells("io"); // of one that has ended too, until it is waited for
+    let read: f64 = io.lines().find_map(|line| line.strip_prefix("rchar: ")).unwrap().parse().unwrap();
+    assert!(child.wait().unwrap().success());
+    read / std::fs::metadata(input).unwrap().len() as f64
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_is_read_once_where_the_memory_holds_it() {
+    const SIZE: (usize, usize) = (96, 900);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, output) = (path("in.exr"), path("out.exr"));
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B", "depth.Z", "A"];
+    let encoding = scan_lines(Compression::Uncompressed);
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), encoding, channels(SIZE, &names)));
+    let half = "0,450,96,450";
+    // A region is read once more for what passes through.
+    for (more, most) in [
+        (&[][..], 1.2),
+        (&["--memory", "4G"], 1.2),
+        (&["--memory", "4G", "--region", half], 1.2),
+        (&["--region", half], 1.7),
+    ] {
+        let times = times_read(&input, &[&[&output[..]], more].concat());
+        assert!(times < most, "{more:?}: {times}");
+    }
+}
+
+/// A part with a denoised channel may have hundreds of others.
+#[test]
+fn what_passes_through_a_region_is_not_held() {
+    const SIZE: (usize, usize) = (96, 900);
+    const OTHERS: usize = 500;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (input, report) = (path("in.exr"), path("report.json"));
+    let mut all = channels(SIZE, &["R", "G", "B"]);
+    let flat = |n: usize| float(&format!("other{n:03}.Y"), vec![0.5; SIZE.0 * SIZE.1]);
+    all.extend((0..OTHERS).map(flat));
+    write_one(Path::new(&input), layer(None, SIZE, (0, 0), scan_lines(Compression::RLE), all));
+    let mut arguments = QUICK.to_vec();
+    let output = path("out.exr");
+    arguments.extend([&input[..], &output, "--region", "0,0,96,900", "--threads", "2", "--report", &report]);
+    assert!(program(&arguments).status.success());
+    let told: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&report).unwrap()).unwrap();
+    let others = (OTHERS * SIZE.0 * SIZE.1 * size_of::<f32>()) as u64;
+    for stage in told["stages"].as_array().unwrap() {
+        let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
+        assert!(peak < others, "{stage}: {others} bytes pass through");
     }
 }

@@ -1,5 +1,5 @@
 //! The pixels of a part as they are stored, gathered from blocks of any place and written in blocks of any
-//! other.
+//! other, strip by strip: what is held is never the part.
 
 use std::io::{Seek, Write};
 use std::sync::{Mutex, PoisonError};
@@ -11,14 +11,44 @@ use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header;
 use exr::prelude::Vec2;
 
-use super::document::{Document, block_bounds, in_line_order};
-use super::encode::{block_from_lines, write_blocks};
+use super::document::{Document, block_bounds, columns_of_blocks, in_line_order};
+use super::encode::{block_from_lines, through_encoder, write_blocks};
 use super::limits::check_memory;
+use super::source::{bands, part_of};
 use crate::error::Result;
 
-/// All channels of a part, each in its own sample type: a line of every channel, row after row.
+/// Writes all blocks of `headers[part]`, in its line order, strip by strip, whose pixels `gather` brings. A strip has at
+/// least the `lines` of the blocks that these come from, or each of those would be decoded for many.
+///
+/// # Errors
+/// What `gather` fails with, and when the disk is full.
+pub(super) fn write_in_strips<W: Write + Seek + Send>(
+    writer: &mut ChunkWriter<W>,
+    headers: &[Header],
+    part: usize,
+    lines: usize,
+    gather: impl Fn(&mut Canvas) -> Result<()>,
+) -> exr::error::UnitResult {
+    let header = &headers[part];
+    let (size, columns) = (header.layer_size, columns_of_blocks(header));
+    let height = header.max_block_pixel_size().height();
+    let row = size.width() * header.channels.bytes_per_pixel;
+    let strips = bands((size.width(), size.height()), row, lines.next_multiple_of(height));
+    for strip in in_line_order(header, strips.collect()) {
+        let window = part_of(header.data_window(), strip);
+        let mut canvas = Canvas::new(header, window).map_err(through_encoder)?;
+        gather(&mut canvas).map_err(through_encoder)?;
+        let rows = strip.y / height..(strip.y + strip.height).div_ceil(height);
+        let blocks = in_line_order(header, (rows.start * columns..rows.end * columns).collect());
+        write_blocks(writer, headers, blocks.len(), |n| (blocks[n], canvas.block(header, part, blocks[n])))?;
+    }
+    Ok(())
+}
+
+/// Rows of a part with all its channels, each in its own sample type: a line of every channel, row after row.
 pub(super) struct Canvas {
-    window: IntegerBounds,
+    /// Where they lie, in the file's pixel coordinates.
+    pub(super) window: IntegerBounds,
     /// Bytes of a sample of each channel, and where its line begins in a row.
     channels: Vec<(usize, usize)>,
     row: usize,
@@ -26,12 +56,11 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// An empty one of the header's data window.
+    /// An empty one of the pixels in `window`.
     ///
     /// # Errors
     /// `Unreadable` when it takes more memory than there is.
-    pub(super) fn new(header: &Header) -> Result<Self> {
-        let window = header.data_window();
+    fn new(header: &Header, window: IntegerBounds) -> Result<Self> {
         let (mut channels, mut row) = (Vec::new(), 0);
         for channel in &header.channels.list {
             let sample = channel.sample_type.bytes_per_sample();
@@ -39,7 +68,7 @@ impl Canvas {
             row += sample * window.size.width();
         }
         let bytes = row.saturating_mul(window.size.height());
-        check_memory(bytes as u64, "the pixels of a part")?;
+        check_memory(bytes as u64, "rows of a part")?;
         Ok(Self { window, channels, row, data: vec![0; bytes] })
     }
 
@@ -85,25 +114,11 @@ impl Canvas {
         }
     }
 
-    /// Writes all blocks of `headers[part]`, in its line order.
-    ///
-    /// # Errors
-    /// When the disk is full.
-    pub(super) fn write<W: Write + Seek + Send>(
-        &self,
-        writer: &mut ChunkWriter<W>,
-        headers: &[Header],
-        part: usize,
-    ) -> exr::error::UnitResult {
-        let header = &headers[part];
-        let order = in_line_order(header, (0..header.chunk_count).collect());
-        write_blocks(writer, headers, order.len(), |n| (order[n], self.block(header, part, order[n])))
-    }
-
     fn block(&self, header: &Header, part: usize, index: usize) -> UncompressedBlock {
         let IntegerBounds { position, size } = block_bounds(header, index);
         let within = |a: i32, b: i32| (i64::from(a) - i64::from(b)) as usize;
-        let origin = self.window.position;
+        let origin = header.own_attributes.layer_position;
+        let top = within(self.window.position.y(), origin.y());
         let place = BlockIndex {
             layer: part,
             pixel_position: Vec2(within(position.x(), origin.x()), within(position.y(), origin.y())),
@@ -112,7 +127,7 @@ impl Canvas {
         };
         block_from_lines(header, place, |channel, x, y, bytes| {
             let (sample, start) = self.channels[channel];
-            bytes.copy_from_slice(&self.data[y * self.row + start + x * sample..][..bytes.len()]);
+            bytes.copy_from_slice(&self.data[(y - top) * self.row + start + x * sample..][..bytes.len()]);
         })
     }
 }

@@ -37,6 +37,7 @@ pub(super) fn read_planes(
     };
     limits::check_planes(wanted.len(), (window.size.width(), window.size.height()))
         .map_err(|error| error.in_file(document.path()))?;
+    let bytes = wanted.len() * window.size.area() * size_of::<f32>();
     let mut planes = None;
     for (part, header) in document.headers().iter().enumerate() {
         let fills: Vec<Option<usize>> =
@@ -45,7 +46,7 @@ pub(super) fn read_planes(
         if fills.iter().all(Option::is_none) || rows.is_empty() {
             continue;
         }
-        if planes.is_none() {
+        if planes.is_none() && bytes > limits::MOST_UNPROVEN {
             // No memory for them before a first block proves that the file holds more than promises.
             let first = rows[0].start..rows[0].start + 1;
             document.for_each_block(part, std::slice::from_ref(&first), &mut [()], |(), _| ())?;

@@ -1,11 +1,11 @@
 //! An open EXR file: its headers, and its blocks on demand.
 //!
 //! What the denoiser needs is decoded into planes by [`super::decode`], and everything else goes from the input to the
-//! output block by block in [`super::rewrite`]. Blocks of a small part are kept decoded from the one to the other.
+//! output block by block in [`super::rewrite`]. Blocks may be [kept](super::kept) decoded from one look to the next.
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Seek, SeekFrom};
+use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -20,14 +20,11 @@ use exr::meta::{BlockDescription, MetaData, OffsetTables};
 use exr::prelude::Vec2;
 use rayon::prelude::*;
 
+use super::kept::{Kept, no_block};
 use super::ordered::make_in_order;
 use super::zip::Zip;
 use super::{attributes, limits};
 use crate::error::{Error, ErrorKind, Result};
-
-/// The most bytes of decoded blocks that are kept until the result is written: a picture of 1920×1080 with 32 float
-/// channels. `[choice]` decoding them twice takes a twentieth of the fastest preset's time.
-const KEPT_BYTES: usize = 256 << 20;
 
 /// Bytes of a block beyond which the system is asked whether it has the memory.
 const LARGE_BLOCK: usize = 64 << 20;
@@ -42,20 +39,9 @@ pub(super) struct Document {
     meta: MetaData,
     /// Where each block of each part starts, by index in increasing rows.
     offsets: OffsetTables,
-    kept: Option<Kept>,
-}
-
-/// The decoded blocks of a part, from the first look at them to the second.
-#[derive(Debug)]
-struct Kept {
-    part: usize,
-    blocks: Mutex<BTreeMap<usize, UncompressedBlock>>,
-}
-
-impl Kept {
-    fn blocks(&self) -> MutexGuard<'_, BTreeMap<usize, UncompressedBlock>> {
-        self.blocks.lock().unwrap_or_else(PoisonError::into_inner) // whole at any time
-    }
+    kept: Mutex<Kept>,
+    /// A number that stands for each block that was read, as it is in the file, by its part and index.
+    seen: Mutex<BTreeMap<(usize, usize), u64>>,
 }
 
 impl Document {
@@ -84,7 +70,7 @@ impl Document {
         let offsets = MetaData::read_offset_tables(&mut PeekRead::new(&mut reader), &meta.headers)
             .map_err(|error| exr_error(&error))?;
         attributes::keep(&mut meta.headers, &mut reader).map_err(|error| exr_error(&error))?;
-        Ok(Self { path: path.to_owned(), meta, offsets, kept: None })
+        Ok(Self { path: path.to_owned(), meta, offsets, kept: Mutex::default(), seen: Mutex::default() })
     }
 
     /// The file.
@@ -102,18 +88,21 @@ impl Document {
         self.meta.headers[part].own_attributes.layer_name.as_ref().map(ToString::to_string)
     }
 
-    /// Keeps the blocks of a part that [`Self::for_each_block`] decodes for [`Self::make_of_blocks`], unless they are
-    /// more than [`KEPT_BYTES`] or the system has not the memory for them and as many bytes of planes.
-    pub(super) fn keep(&mut self, part: usize) {
+    /// Bytes of a part's pixels as they are decoded.
+    pub(super) fn part_bytes(&self, part: usize) -> usize {
         let header = &self.meta.headers[part];
-        let bytes = header.layer_size.area().saturating_mul(header.channels.bytes_per_pixel);
-        let room = bytes <= KEPT_BYTES && limits::check_memory(2 * bytes as u64, "blocks").is_ok();
-        self.kept = room.then(|| Kept { part, blocks: Mutex::default() });
+        header.layer_size.area().saturating_mul(header.channels.bytes_per_pixel)
     }
 
-    /// The blocks of `part`, where they are kept.
-    fn kept(&self, part: usize) -> Option<&Kept> {
-        self.kept.as_ref().filter(|kept| kept.part == part)
+    /// Keeps from now on up to `room` bytes of blocks as they are decoded, those of `only` one part where it is given;
+    /// none where the system has not the memory for them and as many bytes of planes. Returns what is left of `room`.
+    pub(super) fn keep(&self, only: Option<usize>, room: usize) -> usize {
+        let parts = only.map_or(0..self.meta.headers.len(), |part| part..part + 1);
+        let all = parts.map(|part| self.part_bytes(part)).fold(0, usize::saturating_add);
+        let kept = room.min(all);
+        let there = limits::check_memory(2 * kept as u64, "blocks").is_ok();
+        whole(&self.kept).keep(only, if there { kept } else { 0 });
+        room - kept
     }
 
     /// The blocks of a part that have pixels under `window`, by their indices in increasing rows: those beside
@@ -145,13 +134,8 @@ impl Document {
         let workers = Spare::default();
         let read = rows.par_iter().zip(beside).map(|(row, beside)| {
             workers.lend(|worker: &mut Worker| {
-                row.clone().try_for_each(|index| {
-                    take(beside, worker.read(self, part, index)?);
-                    if let Some(kept) = self.kept(part) {
-                        kept.blocks().insert(index, std::mem::replace(&mut worker.block, no_block()));
-                    }
-                    Ok(())
-                })
+                row.clone()
+                    .try_for_each(|index| worker.look(self, part, index, |_, block| take(beside, block)))
             })
         });
         read.collect::<Vec<Result<()>>>().into_iter().collect()
@@ -172,8 +156,7 @@ impl Document {
         let header = &self.meta.headers[part];
         let order = in_line_order(header, (0..self.offsets[part].len()).collect());
         let make = |worker: &mut Worker, n: usize| {
-            worker.read(self, part, order[n])?;
-            make(&mut worker.zip, order[n], &worker.block)
+            worker.look(self, part, order[n], |zip, block| make(zip, order[n], block))?
         };
         make_in_order(order.len(), make, take)
     }
@@ -221,26 +204,27 @@ impl Document {
         Ok(())
     }
 
-    /// A number that stands for the file's content: other content, another number, but for rare chance
-    /// (FNV-1a, 64 bits).
+    /// A number that stands for the file's content: other content, another number, but for rare chance. What was
+    /// read before is not read again.
     ///
     /// # Errors
     /// `Unreadable` when the file cannot be read.
     pub(super) fn fingerprint(&self) -> Result<u64> {
-        const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
-        const PRIME: u64 = 0x0100_0000_01b3;
         let unreadable = |error: std::io::Error| io_error(&error).in_file(&self.path);
-        let mut reader = BufReader::with_capacity(1 << 20, File::open(&self.path).map_err(unreadable)?);
-        let mut hash = OFFSET;
-        loop {
-            let bytes = reader.fill_buf().map_err(unreadable)?;
-            if bytes.is_empty() {
-                return Ok(hash);
+        let first = self.offsets.iter().flatten().min().copied().unwrap_or(0);
+        let mut head = Vec::new();
+        let file = File::open(&self.path).map_err(unreadable)?;
+        file.take(first).read_to_end(&mut head).map_err(unreadable)?;
+        let mut reader = Reader::default();
+        for (part, offsets) in self.offsets.iter().enumerate() {
+            for index in 0..offsets.len() {
+                let seen = whole(&self.seen).contains_key(&(part, index));
+                if !seen {
+                    reader.chunk(self, part, index)?;
+                }
             }
-            hash = bytes.iter().fold(hash, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(PRIME));
-            let read = bytes.len();
-            reader.consume(read);
         }
+        Ok(whole(&self.seen).values().copied().fold(fold(&head), mixed))
     }
 
     /// Names the file, and the part where there are several.
@@ -266,6 +250,11 @@ impl Document {
         }
         if packed_bytes(&chunk.compressed_block).is_some_and(<[u8]>::is_empty) {
             return Err(damaged(format!("block {index} is empty")));
+        }
+        let seen = whole(&self.seen).contains_key(&(part, index));
+        if !seen {
+            let number = packed_bytes(&chunk.compressed_block).map_or(0, fold);
+            whole(&self.seen).insert((part, index), number);
         }
         Ok(chunk)
     }
@@ -322,12 +311,6 @@ struct Worker {
     block: UncompressedBlock,
 }
 
-fn no_block() -> UncompressedBlock {
-    let zero = Vec2(0, 0);
-    let index = BlockIndex { layer: 0, pixel_position: zero, pixel_size: zero, level: zero };
-    UncompressedBlock { index, data: vec![] }
-}
-
 impl Default for Worker {
     fn default() -> Self {
         Self { reader: Reader::default(), zip: Zip::default(), block: no_block() }
@@ -335,16 +318,24 @@ impl Default for Worker {
 }
 
 impl Worker {
-    /// Reads a block of a part.
-    fn read(&mut self, document: &Document, part: usize, index: usize) -> Result<&UncompressedBlock> {
-        if let Some(block) = document.kept(part).and_then(|kept| kept.blocks().remove(&index)) {
-            self.block = block;
-            return Ok(&self.block);
+    /// Shows a block of a part to `look`: as it is kept, or decoded, which may be kept then.
+    fn look<R>(
+        &mut self,
+        document: &Document,
+        part: usize,
+        index: usize,
+        look: impl FnOnce(&mut Zip, &UncompressedBlock) -> R,
+    ) -> Result<R> {
+        let kept = whole(&document.kept).get((part, index));
+        if let Some(block) = kept {
+            return Ok(look(&mut self.zip, &block));
         }
         let chunk = self.reader.chunk(document, part, index)?;
         guarded(|| document.decompress(chunk, &mut self.block, &mut self.zip))
             .map_err(|error| document.place(part, error))?;
-        Ok(&self.block)
+        let seen = look(&mut self.zip, &self.block);
+        whole(&document.kept).offer((part, index), &mut self.block);
+        Ok(seen)
     }
 }
 
@@ -369,13 +360,30 @@ struct Spare<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Spare<T> {
     fn lend<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
-        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner); // whole at any time
-        let spare = all().pop();
+        let spare = whole(&self.0).pop();
         let mut tools = spare.unwrap_or_default();
         let done = work(&mut tools);
-        all().push(tools);
+        whole(&self.0).push(tools);
         done
     }
+}
+
+/// What threads share and is whole at any time, also where one has panicked.
+fn whole<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A number that stands for some bytes.
+fn fold(bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks();
+    let rest = rest.iter().map(|byte| u64::from(*byte));
+    words.iter().map(|word| u64::from_le_bytes(*word)).chain(rest).fold(bytes.len() as u64, mixed)
+}
+
+/// The hash of what went before and one more word, after FxHash of rustc: a word at a time takes a small share of
+/// what decoding takes.
+fn mixed(hash: u64, word: u64) -> u64 {
+    (hash.rotate_left(5) ^ word).wrapping_mul(0x517c_c1b7_2722_0a95)
 }
 
 /// Where a part's `index`th block in increasing rows lies, in the file's pixel coordinates.
@@ -384,12 +392,12 @@ pub(super) fn block_bounds(header: &Header, index: usize) -> IntegerBounds {
     place.expect("the index is one of the part's")
 }
 
-/// The blocks of these indices, which increase, in the part's line order.
-pub(super) fn in_line_order(header: &Header, mut indices: Vec<usize>) -> Vec<usize> {
+/// Blocks, or strips of them, that come from the top, in the part's line order.
+pub(super) fn in_line_order<T>(header: &Header, mut blocks: Vec<T>) -> Vec<T> {
     if header.line_order == LineOrder::Decreasing {
-        indices.reverse();
+        blocks.reverse();
     }
-    indices
+    blocks
 }
 
 /// Whether two rectangles have pixels in common.
@@ -402,7 +410,7 @@ fn overlap(a: IntegerBounds, b: IntegerBounds) -> bool {
 }
 
 /// How many blocks of a part lie beside each other.
-fn columns_of_blocks(header: &Header) -> usize {
+pub(super) fn columns_of_blocks(header: &Header) -> usize {
     match header.blocks {
         BlockDescription::ScanLines => 1,
         BlockDescription::Tiles(tiles) => header.layer_size.width().div_ceil(tiles.tile_size.width()),

@@ -7,8 +7,8 @@
 //! - decoded blocks of 64 MiB at a time, or one of up to [`MAX_BLOCK_BYTES`], and what they are decoded from,
 //! - the headers and tables of blocks, a few times their length in the file.
 //!
-//! Channels without a role are never held, and no plane is made before a first block was decoded. What a
-//! codec may make of the file is limited too: a block that decodes to more than it announces is an error
+//! Channels without a role are never held, and no more than 64 MiB of planes are made before a first block was decoded.
+//! What a codec may make of the file is limited too: a block that decodes to more than it announces is an error
 //! when the announced size is reached. Before planes are made, or a block of more than those 64 MiB is decoded,
 //! the system is asked whether it has so much to give, so that a bomb within these limits is an error too.
 
@@ -33,6 +33,9 @@ pub const MAX_BLOCK_BYTES: u64 = 1 << 30;
 
 /// The most bytes that the planes of all channels with a role may take: an 8K frame may have 129 of them.
 pub const MAX_PLANE_BYTES: u64 = 1 << 34;
+
+/// The most bytes of planes that are made before a first block was decoded.
+pub(super) const MOST_UNPROVEN: usize = 1 << 26;
 
 /// Bytes that the table of blocks and the head of a block take in the file, at least.
 const LEAST_BYTES_PER_CHUNK: u64 = 16;

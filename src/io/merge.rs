@@ -7,12 +7,13 @@ use exr::meta::Headers;
 use exr::meta::header::Header;
 
 use super::atomic::write_picture_atomically;
-use super::canvas::Canvas;
+use super::canvas::write_in_strips;
 use super::document::{Document, in_line_order};
 use super::encode::{encode_error, through_encoder};
 use super::limits;
 use super::region::{Cover, Mark};
 use super::rewrite::signature_in;
+use super::source::lines_of_block;
 use crate::error::{Error, ErrorKind, Result};
 
 /// A file with a region.
@@ -89,8 +90,11 @@ pub fn merge(target: impl AsRef<Path>, paths: &[PathBuf]) -> Result<()> {
                 if first.marks[part].copied {
                     copy_blocks(&pieces, part, &meta.headers[part], writer)?;
                 } else {
-                    let canvas = gather(&pieces, part, &meta.headers[part]).map_err(through_encoder)?;
-                    canvas.write(writer, &meta.headers, part)?;
+                    let lines = lines_of_block(&first.document.headers()[part]);
+                    write_in_strips(writer, &meta.headers, part, lines, |strip| {
+                        let mut pieces = pieces.iter();
+                        pieces.try_for_each(|piece| strip.take_all(&piece.document, part, Some))
+                    })?;
                 }
             }
             Ok(())
@@ -168,15 +172,6 @@ fn first_hole(pieces: &[Piece], [x, y, width, height]: [i64; 4]) -> Option<(i64,
     rows.flat_map(|py| columns.iter().map(move |px| (*px, py)))
         .filter(|(px, _)| *px < x + width)
         .find(|&(px, py)| !pieces.iter().any(|piece| inside(piece, px, py)))
-}
-
-/// The pixels of a part with new channels.
-fn gather(pieces: &[Piece], part: usize, header: &Header) -> Result<Canvas> {
-    let mut canvas = Canvas::new(header)?;
-    for piece in pieces {
-        canvas.take_all(&piece.document, part, Some)?;
-    }
-    Ok(canvas)
 }
 
 /// Copies the blocks of a part that passed through, in its line order, each from the first region that has it.

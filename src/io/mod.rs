@@ -31,6 +31,7 @@ mod document;
 mod encode;
 mod evidence;
 mod halves;
+mod kept;
 mod layers;
 mod layout;
 mod limits;

@@ -19,10 +19,11 @@ use exr::prelude::{Compression, Vec2};
 use serde::{Deserialize, Serialize};
 
 use super::atomic::write_picture_atomically;
-use super::canvas::Canvas;
+use super::canvas::{Canvas, write_in_strips};
 use super::document::Document;
 use super::encode::{encode_error, through_encoder};
 use super::rewrite::{Addition, NewPart, Plan, Replacement, Source, store};
+use super::source::lines_of_block;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The attribute that says what a part is a region of.
@@ -131,8 +132,10 @@ pub(super) fn write_region(
         exr::block::write(file, headers, false, |meta, writer| {
             for (part, (new, cover)) in new.iter().zip(&covers).enumerate() {
                 if let Some(new) = new {
-                    let canvas = gather(document, part, new, &meta.headers[part]);
-                    canvas.map_err(through_encoder)?.write(writer, &meta.headers, part)?;
+                    let lines = lines_of_block(&document.headers()[part]);
+                    write_in_strips(writer, &meta.headers, part, lines, |strip| {
+                        gather(strip, document, part, new, place.region)
+                    })?;
                 } else if let Some(cover) = cover {
                     let copied = document.for_each_chunk_of(part, cover.indices(), |index, chunk| {
                         let (index, chunk) = cover.cut_out(index, chunk);
@@ -148,20 +151,27 @@ pub(super) fn write_region(
     Ok(notes)
 }
 
-/// The region's pixels of a part: what passes through, then what is new.
-fn gather(document: &Document, part: usize, new: &NewPart, header: &Header) -> Result<Canvas> {
-    let mut canvas = Canvas::new(header)?;
+/// The pixels of a strip of a `region`: what passes through, then what is new.
+fn gather(
+    strip: &mut Canvas,
+    document: &Document,
+    part: usize,
+    new: &NewPart,
+    region: IntegerBounds,
+) -> Result<()> {
     let output = |wanted: usize| {
         new.sources.iter().position(|source| matches!(source, Source::Input(channel) if *channel == wanted))
     };
-    canvas.take_all(document, part, output)?;
+    strip.take_all(document, part, output)?;
+    let top = (strip.window.position.y() - region.position.y()) as usize;
     for (channel, source) in new.sources.iter().enumerate() {
         let Source::Plane(plane) = source else { continue };
-        for y in 0..plane.height() {
-            store(plane.row(y), header.channels.list[channel].sample_type, canvas.line_mut(channel, y));
+        for y in 0..strip.window.size.height() {
+            let kind = new.header.channels.list[channel].sample_type;
+            store(plane.row(top + y), kind, strip.line_mut(channel, y));
         }
     }
-    Ok(canvas)
+    Ok(())
 }
 
 /// The blocks of a part that have pixels of a region: a rectangle of blocks, at least one.

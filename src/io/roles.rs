@@ -39,11 +39,6 @@ impl Candidate {
     pub(super) fn around(&self) -> &str {
         &self.around
     }
-
-    /// Whether no numbers are needed to know what it is.
-    pub(super) fn is_told_by_name(&self) -> bool {
-        self.evidence == Evidence::Name
-    }
 }
 
 /// The layers, and the tables that are held against them.

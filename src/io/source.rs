@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use exr::meta::attribute::IntegerBounds;
+use exr::meta::header::Header;
 use exr::prelude::Vec2;
 use rayon::prelude::*;
 
@@ -31,6 +32,19 @@ use crate::image::{Plane, Rect};
 /// Bytes of planes that are looked through at one time.
 const BAND_BYTES: usize = 64 << 20;
 
+/// The most bytes of decoded blocks that are kept beside all planes until the result is written: a picture of 1920×1080
+/// with 32 float channels. `[choice]` decoding them twice takes a twentieth of the fastest preset's time.
+const KEPT_BYTES: usize = 256 << 20;
+
+/// What is held of a picture from one look at it to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Hold {
+    /// All planes.
+    Planes,
+    /// Up to so many bytes of blocks as they were decoded; what is not is read again.
+    Blocks(usize),
+}
+
 /// A file and what is known of it as a whole.
 #[derive(Debug)]
 pub(super) struct Source {
@@ -53,13 +67,12 @@ pub(super) struct Source {
 pub(super) type Held = BTreeMap<Channel, Plane>;
 
 impl Source {
-    /// Opens the file at `path` and looks at all its pixels. Returns the planes as well where they are to
-    /// be `held`, which spares reading them again.
+    /// Opens the file at `path` and looks at all its pixels. Returns the planes as well where `hold` says so.
     ///
     /// # Errors
     /// As [`Picture::read`](super::Picture::read).
-    pub(super) fn open(path: &Path, options: &ReadOptions, held: bool) -> Result<(Self, Option<Held>)> {
-        let mut documents = open_all(path, options)?;
+    pub(super) fn open(path: &Path, options: &ReadOptions, hold: Hold) -> Result<(Self, Option<Held>)> {
+        let documents = open_all(path, options)?;
         let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
         let layers = layers(&documents, one_file_per_buffer);
         let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
@@ -67,9 +80,16 @@ impl Source {
         let casting = Casting::new(&layers, renderer, &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
-        // Whoever wants motion vectors holds several pictures at once.
-        if held && !options.motion {
-            documents[0].keep(beauty[0].at.part);
+        let part = beauty[0].at.part;
+        match hold {
+            Hold::Blocks(room) => {
+                keep(&documents, room);
+            }
+            // Whoever wants motion vectors holds several pictures at once.
+            Hold::Planes if !options.motion && documents[0].part_bytes(part) <= KEPT_BYTES => {
+                documents[0].keep(Some(part), KEPT_BYTES);
+            }
+            Hold::Planes => {}
         }
         let mut candidates = casting.candidates(&color);
         let is_motion = |found: &Candidate| matches!(found.mean.target.role, Role::Motion(_));
@@ -77,18 +97,18 @@ impl Source {
             files_of(candidates.iter().filter(|found| is_motion(found)).map(|found| &found.mean));
         candidates.retain(|found| options.motion || !is_motion(found));
 
-        let header = &documents[0].headers()[color.mean.channels[0].at.part];
+        let color_part = color.mean.channels[0].at.part;
+        let header = &documents[0].headers()[color_part];
         let window = header.data_window();
         let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;
         let components = |names: &[String]| Asked::find(names, &casting, renderer, &color, &beauty, writable);
         let asked = components(&options.aovs)?;
 
         let wanted = wanted(&color, &candidates, &asked);
-        let pixels = Pixels::new(&documents, window, held.then_some(&wanted))?;
-        let seen = pixels.seen(&color, &candidates)?;
+        let pixels = Pixels::new(&documents, color_part, (hold == Hold::Planes).then_some(&wanted))?;
+        let (seen, statistics) = pixels.seen(&color, &candidates, &wanted)?;
         let mut cast = settle(&color, &candidates, &seen);
         let sums = asked.settle(&mut cast, |total, addends| pixels.deviation(total, addends))?;
-        let statistics = pixels.statistics(&cast.choices)?;
         let held = pixels.held;
 
         let mut remarks = Remarks { notes: cast.notes, ..Remarks::default() };
@@ -137,6 +157,18 @@ impl Source {
         (self.window.size.width(), self.window.size.height())
     }
 
+    /// The picture in bands that are a small share of the memory.
+    pub(super) fn bands(&self) -> impl Iterator<Item = Rect> {
+        let planes = self.choices.iter().map(|choice| choice.channels.len()).sum();
+        let header = &self.documents[0].headers()[self.beauty[0].part];
+        bands(self.size(), bytes_of_row(self.window, planes), lines_of_block(header))
+    }
+
+    /// Keeps from now on up to `room` bytes of blocks as they are decoded. Returns what is left of `room`.
+    pub(super) fn keep(&self, room: usize) -> usize {
+        keep(&self.documents, room)
+    }
+
     /// The planes of the channels that play a role under `rect`.
     ///
     /// # Errors
@@ -176,18 +208,18 @@ impl Source {
 struct Pixels<'a> {
     documents: &'a [Document],
     window: IntegerBounds,
+    /// Rows of a block.
+    lines: usize,
     held: Option<Held>,
 }
 
 impl<'a> Pixels<'a> {
-    /// Holds the channels `held`.
-    fn new(
-        documents: &'a [Document],
-        window: IntegerBounds,
-        held: Option<&BTreeSet<Channel>>,
-    ) -> Result<Self> {
+    /// Of the picture in this part of the first file, of which the channels `held` are held.
+    fn new(documents: &'a [Document], part: usize, held: Option<&BTreeSet<Channel>>) -> Result<Self> {
+        let header = &documents[0].headers()[part];
+        let window = header.data_window();
         let held = held.map(|channels| read(documents, channels, window)).transpose()?;
-        Ok(Self { documents, window, held })
+        Ok(Self { documents, window, lines: lines_of_block(header), held })
     }
 
     /// Shows all rows of `channels` to `look`, in order, in one portion or several.
@@ -196,28 +228,31 @@ impl<'a> Pixels<'a> {
             look(held);
             return Ok(());
         }
-        for band in bands((self.window.size.width(), self.window.size.height()), channels.len()) {
+        let size = (self.window.size.width(), self.window.size.height());
+        for band in bands(size, bytes_of_row(self.window, channels.len()), self.lines) {
             look(&read(self.documents, channels, part_of(self.window, band))?);
         }
         Ok(())
     }
 
-    /// What the candidates look like, those that are not told by their names alone.
-    fn seen(&self, color: &Candidate, candidates: &[Candidate]) -> Result<Vec<Tally>> {
+    /// What the candidates look like, and what the channels `wanted` come to.
+    fn seen(
+        &self,
+        color: &Candidate,
+        candidates: &[Candidate],
+        wanted: &BTreeSet<Channel>,
+    ) -> Result<(Vec<Tally>, BTreeMap<Channel, Statistics>)> {
         let mut seen = vec![Tally::default(); candidates.len()];
-        let unsure: Vec<(usize, &Candidate)> =
-            candidates.iter().enumerate().filter(|(_, candidate)| !candidate.is_told_by_name()).collect();
-        if unsure.is_empty() {
-            return Ok(seen);
-        }
-        let choices = unsure.iter().map(|(_, candidate)| &candidate.mean).chain([&color.mean]);
-        self.look(&choices.flat_map(|choice| choice.channels.clone()).collect(), |planes| {
+        let mut statistics: BTreeMap<Channel, Statistics> =
+            wanted.iter().map(|channel| (*channel, Statistics::default())).collect();
+        self.look(wanted, |planes| {
             let of = |choice: &Choice| choice.channels.iter().map(|c| &planes[c]).collect::<Vec<_>>();
-            for (i, candidate) in &unsure {
-                seen[*i].add(candidate.evidence, &of(&candidate.mean), &of(&color.mean));
+            for (seen, candidate) in seen.iter_mut().zip(candidates) {
+                seen.add(candidate.evidence, &of(&candidate.mean), &of(&color.mean));
             }
+            statistics.par_iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
         })?;
-        Ok(seen)
+        Ok((seen, statistics))
     }
 
     /// How far the sum of `addends` is from `total`.
@@ -229,26 +264,28 @@ impl<'a> Pixels<'a> {
         })?;
         Ok(differences.deviation())
     }
-
-    /// What the channels of `choices` come to.
-    fn statistics(&self, choices: &[Choice]) -> Result<BTreeMap<Channel, Statistics>> {
-        let channels: BTreeSet<Channel> = choices.iter().flat_map(|choice| choice.channels.clone()).collect();
-        let mut statistics: BTreeMap<Channel, Statistics> =
-            channels.iter().map(|channel| (*channel, Statistics::default())).collect();
-        self.look(&channels, |planes| {
-            statistics.par_iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
-        })?;
-        Ok(statistics)
-    }
 }
 
-/// A picture of `size` cut into bands of rows, of which `planes` planes are a small share of the memory.
-pub(super) fn bands((width, height): (usize, usize), planes: usize) -> impl Iterator<Item = Rect> {
-    /// The largest block of scan lines: a band that is no whole number of them has blocks read twice.
+/// Keeps up to `room` bytes of the decoded blocks of `documents`, the first ones first. Returns what is left of it.
+fn keep(documents: &[Document], room: usize) -> usize {
+    documents.iter().fold(room, |room, document| document.keep(None, room))
+}
+
+/// Rows of a block of a part, but no more than the largest block of scan lines has: tiles may be of any height.
+pub(super) fn lines_of_block(header: &Header) -> usize {
     const LINES: usize = 256;
-    let row = (width * planes * size_of::<f32>()).max(1);
-    let rows = (BAND_BYTES / row).max(1);
-    let rows = if rows > LINES { rows / LINES * LINES } else { rows };
+    header.max_block_pixel_size().height().min(LINES)
+}
+
+/// Bytes of a row of so many planes.
+fn bytes_of_row(window: IntegerBounds, planes: usize) -> usize {
+    window.size.width() * planes * size_of::<f32>()
+}
+
+/// A picture of `size` cut into bands of about [`BAND_BYTES`], a row of which takes `row` bytes: of whole rows of blocks
+/// `lines` high, so that none is read for two bands.
+pub(super) fn bands((width, height): (usize, usize), row: usize, lines: usize) -> impl Iterator<Item = Rect> {
+    let rows = lines * (BAND_BYTES / (row * lines).max(1)).max(1);
     let band = move |y| Rect { x: 0, y, width, height: rows.min(height - y) };
     (0..height).step_by(rows).map(band)
 }

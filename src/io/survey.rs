@@ -1,5 +1,5 @@
-//! A render on disk that was looked through once: what is known of it as a whole, and its pixels part by
-//! part. What is held in memory is never the picture.
+//! A render on disk that was looked through: what is known of it as a whole, and its pixels part by part. No more of
+//! it is held in memory than the caller has room for.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::layout::Layout;
 use super::picture::ReadOptions;
 use super::region::{Place, told, write_region};
 use super::rewrite::{Addition, Replacement, rewrite, signature_in};
-use super::source::{Held, Source, bands, part_of};
+use super::source::{Held, Hold, Source, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
 use super::variance::Noise;
 use crate::error::{Error, ErrorKind, Result};
@@ -40,15 +40,20 @@ struct Seen {
 type BothHeld = (Held, Option<Held>);
 
 impl Survey {
-    /// Looks through the file at `path`, band by band, and shows all rows to `look`, in order.
+    /// Looks through the file at `path`, band by band, and shows all rows to `look`, in order. Up to `room` bytes of
+    /// what is decoded are kept, so that they need not be read again.
     ///
     /// # Errors
     /// As [`Picture::read`](super::Picture::read).
-    pub fn open(path: impl AsRef<Path>, options: &ReadOptions, mut look: impl FnMut(&Frame)) -> Result<Self> {
-        let (mut survey, _) = Self::of_files(path.as_ref(), options, false)?;
+    pub fn open(
+        path: impl AsRef<Path>,
+        options: &ReadOptions,
+        room: usize,
+        mut look: impl FnMut(&Frame),
+    ) -> Result<Self> {
+        let (mut survey, _) = Self::of_files(path.as_ref(), options, Hold::Blocks(room))?;
         let mut seen = survey.nothing_seen();
-        let planes = survey.main.layout.roles.iter().map(|role| role.channels.len()).sum();
-        for band in bands(survey.size(), planes) {
+        for band in survey.main.bands() {
             let rows = survey.read(band)?;
             survey.see(&rows, &mut seen);
             look(&rows);
@@ -60,7 +65,7 @@ impl Survey {
 
     /// The same with all planes held at once: the frame, and the samples of each pixel.
     pub(super) fn open_whole(path: &Path, options: &ReadOptions) -> Result<(Self, Frame, Option<Plane>)> {
-        let (mut survey, held) = Self::of_files(path, options, true)?;
+        let (mut survey, held) = Self::of_files(path, options, Hold::Planes)?;
         let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
         let mut seen = survey.nothing_seen();
         survey.see(&frame, &mut seen);
@@ -68,12 +73,17 @@ impl Survey {
         Ok((survey, frame, counts))
     }
 
-    fn of_files(path: &Path, options: &ReadOptions, held: bool) -> Result<(Self, Option<BothHeld>)> {
-        let open = |path: &Path| Source::open(path, options, held).map_err(|error| error.in_file(path));
-        let (main, planes) = open(path)?;
+    fn of_files(path: &Path, options: &ReadOptions, hold: Hold) -> Result<(Self, Option<BothHeld>)> {
+        let open =
+            |path: &Path, hold: Hold| Source::open(path, options, hold).map_err(|error| error.in_file(path));
+        let (main, planes) = open(path, hold)?;
         let (half, half_planes) = match &options.half {
             Some(path) => {
-                let (half, planes) = open(path)?;
+                let hold = match hold {
+                    Hold::Planes => Hold::Planes,
+                    Hold::Blocks(room) => Hold::Blocks(main.keep(room)),
+                };
+                let (half, planes) = open(path, hold)?;
                 check_window(&half, &main).map_err(|error| error.in_file(path))?;
                 (Some(half), planes)
             }
@@ -84,6 +94,14 @@ impl Survey {
         layout.notes.extend(std::iter::once(&main).chain(&half).filter_map(note_denoised));
         let survey = Self { main, half, layout, signature: None };
         Ok((survey, planes.map(|planes| (planes, half_planes))))
+    }
+
+    /// Keeps from now on up to `room` bytes of what is decoded, and gives up the rest of it.
+    pub fn keep(&self, room: usize) {
+        let left = self.main.keep(room);
+        if let Some(half) = &self.half {
+            half.keep(left);
+        }
     }
 
     /// Columns and rows of the colour.

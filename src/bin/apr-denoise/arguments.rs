@@ -9,8 +9,9 @@ use apr::options::Preset;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::budget::MemoryBound;
 use crate::frames::FrameSet;
-use crate::parts::{MemoryBound, Region};
+use crate::parts::Region;
 use crate::plan::Job;
 
 /// Denoise a Monte Carlo render.

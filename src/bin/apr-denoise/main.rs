@@ -3,6 +3,7 @@
 
 mod answer;
 mod arguments;
+mod budget;
 mod clock;
 mod failure;
 mod frames;

@@ -1,0 +1,212 @@
+//! What a run that goes through a picture in parts takes of memory, and what it may take.
+//!
+//! What is not needed for planes keeps blocks of the file as they were decoded, which are read once then.
+
+use std::str::FromStr;
+
+use apr::error::{Error, ErrorKind, Result};
+use apr::image::Rect;
+use apr::{Frame, Options};
+
+/// Fewest rows of a band: less would be nearly nothing but halo.
+const LEAST_ROWS: usize = 32;
+
+/// What the program holds besides planes: its code, blocks of files on their way, what the allocator keeps.
+const FIXED_BYTES: usize = 350 << 20;
+
+/// A bound of memory in bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MemoryBound(usize);
+
+impl FromStr for MemoryBound {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let wrong = || "expected a number of bytes with K, M, G or T, such as 512M or 8G".to_owned();
+        let digits = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+        let (number, unit) = text.split_at(digits);
+        let unit = unit.to_ascii_uppercase();
+        let unit = unit.strip_suffix("IB").or_else(|| unit.strip_suffix('B')).unwrap_or(&unit);
+        let power = ["", "K", "M", "G", "T"].iter().position(|known| *known == unit).ok_or_else(wrong)?;
+        let number: f64 = number.parse().map_err(|_| wrong())?;
+        Ok(Self((number * 1024f64.powi(power as i32)) as usize))
+    }
+}
+
+/// The memory of a run, in bytes.
+#[derive(Debug)]
+pub struct Budget {
+    /// What it may take in all.
+    bound: usize,
+    /// What it takes whatever is read: the results among it.
+    held: usize,
+    planes: Planes,
+    /// Rows of what is to be denoised, and of the picture.
+    rows: usize,
+    height: usize,
+    /// Columns that are read, and rows on both sides of a band.
+    width: usize,
+    halo: usize,
+    /// Whether there is no other frame that is denoised while this one is looked through.
+    alone: bool,
+}
+
+/// Bytes of a file that may be kept while it is looked through, before it is known what is in it: where there is no
+/// bound, what denoising a region takes in any case, which needs so many `pixels`.
+pub fn before(bound: Option<MemoryBound>, pixels: usize, frames: usize) -> usize {
+    let least = pixels.saturating_mul(Planes::default().per_pixel());
+    let room = bound.map_or(least, |MemoryBound(bound)| bound.saturating_sub(FIXED_BYTES));
+    if frames == 1 { room } else { 0 }
+}
+
+impl Budget {
+    /// Of a run of `frames` pictures of this `size`, each denoised under `target` with a `halo` around it. Without a
+    /// bound that is what it takes at once.
+    pub fn new(
+        bound: Option<MemoryBound>,
+        planes: Planes,
+        target: Rect,
+        size: (usize, usize),
+        halo: usize,
+        frames: usize,
+    ) -> Self {
+        // Of a sequence one result is written while the next is made.
+        let held = FIXED_BYTES + planes.result(target) * frames.min(2);
+        let (width, alone) = (target.grown(halo, size).width, frames == 1);
+        let mut budget =
+            Self { bound: 0, held, planes, rows: target.height, height: size.1, width, halo, alone };
+        budget.bound = bound.map_or_else(|| budget.need(target.height), |MemoryBound(bound)| bound);
+        budget
+    }
+
+    /// What it takes in bands of so many rows.
+    fn need(&self, rows: usize) -> usize {
+        self.held + self.width * self.planes.per_pixel() * (rows + 2 * self.halo).min(self.height)
+    }
+
+    /// Rows of a band with which the run keeps to the bound.
+    pub fn rows(&self) -> Result<usize> {
+        let (rows, bound) = (self.rows, self.bound);
+        if self.need(rows) <= bound {
+            return Ok(rows);
+        }
+        let least = self.need(LEAST_ROWS.min(rows));
+        if least > bound {
+            const MIB: usize = 1 << 20;
+            let given = if bound < MIB { format!("of {bound} bytes") } else { format!("{}M", bound / MIB) };
+            let what = format!("--memory {given} is too little for this picture");
+            let remedy = format!("give at least {}M", least.div_ceil(MIB));
+            return Err(Error::new(ErrorKind::Usage, what).remedy(remedy));
+        }
+        let most = (bound - self.held) / (self.width * self.planes.per_pixel()) - 2 * self.halo;
+        // Bands of equal height: the last one should not be nearly nothing but halo.
+        Ok(rows.div_ceil(rows.div_ceil(most)))
+    }
+
+    /// What is left while the pixels `read` are in memory as they were read.
+    pub fn beside_planes(&self, read: Rect) -> usize {
+        self.beside(self.planes.all * size_of::<f32>(), read)
+    }
+
+    /// What is left while the stages work on the pixels `read`.
+    pub fn beside_stages(&self, read: Rect) -> usize {
+        self.beside(self.planes.per_pixel(), read)
+    }
+
+    fn beside(&self, per_pixel: usize, read: Rect) -> usize {
+        let left = self.bound.saturating_sub(self.held + per_pixel * read.width * read.height);
+        if self.alone { left } else { 0 }
+    }
+}
+
+/// How many planes a frame has.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Planes {
+    all: usize,
+    /// Of the features that fits read.
+    features: usize,
+    aovs: usize,
+}
+
+impl Planes {
+    pub fn of(frame: &Frame, options: &Options) -> Self {
+        let rgb = |there: bool| if there { 3 } else { 0 };
+        let read = frame.features().iter().filter(|feature| options.features.contains(&feature.kind));
+        let features = read.map(|feature| feature.planes.len()).sum();
+        let all_features = frame.features().iter().map(|feature| {
+            let halves = if feature.halves.is_some() { 2 } else { 0 };
+            feature.planes.len() * (1 + usize::from(feature.var_of_mean.is_some()) + halves)
+        });
+        let aovs = 3 * frame.aovs().len();
+        let color = 3 + rgb(frame.color_var_of_mean().is_some()) + 2 * rgb(frame.halves().is_some());
+        Self { all: color + all_features.sum::<usize>() + aovs, features, aovs }
+    }
+
+    /// Bytes of the result.
+    fn result(&self, target: Rect) -> usize {
+        (5 + self.aovs) * size_of::<f32>() * target.width * target.height
+    }
+
+    /// Bytes for each pixel that is read, when most is held. That is while features are filtered: the planes as they
+    /// were read, the filtered ones, the albedo, the variance and what is smoothed of it; or in the last stage: what fits
+    /// read, the guides of colour, of colour over albedo and of the features, the pilot, the sums and their coverage; or,
+    /// with many components, at its end: what fits read, the sums and the result. Of 31 channels it is 61 planes, measured,
+    /// where this tells 66.
+    fn per_pixel(&self) -> usize {
+        let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 4, 1, 1);
+        let targets = 3 + self.aovs;
+        let (sums, result) = (targets + 4, targets + 2);
+        let filtering = self.all + self.features + albedo + variance + smoothed;
+        let read = targets + variance + smoothed + self.features + albedo;
+        let fitting = read + 2 * guide + 2 * self.features + pilot + sums + coverage;
+        let ending = read + sums + result;
+        (filtering.max(fitting).max(ending) + input_error) * size_of::<f32>()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_and_nonsense_is_refused() {
+        for (text, bytes) in [("512M", 512 << 20), ("8G", 8 << 30), ("1.5GiB", 3 << 29), ("100", 100)] {
+            assert_eq!(text.parse(), Ok(MemoryBound(bytes)), "{text}");
+        }
+        assert!(["", "G", "8X", "-1G"].iter().all(|text| text.parse::<MemoryBound>().is_err()));
+    }
+
+    #[test]
+    fn bands_fill_the_bound_and_too_small_a_bound_names_the_least() {
+        const HALO: usize = 300;
+        let planes = Planes { all: 20, features: 7, aovs: 0 };
+        let target = Rect::whole((7680, 4320));
+        let budget = |bound| Budget::new(Some(MemoryBound(bound)), planes, target, target.size(), HALO, 1);
+        let need =
+            |rows: usize| FIXED_BYTES + planes.result(target) + planes.per_pixel() * 7680 * (rows + 2 * HALO);
+        assert_eq!(budget(64 << 30).rows(), Ok(4320));
+        let chosen = budget(4 << 30).rows().unwrap();
+        assert!(need(chosen) <= 4 << 30 && chosen >= LEAST_ROWS, "{chosen}");
+        let error = budget(1 << 30).rows().unwrap_err();
+        let least = need(LEAST_ROWS);
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        assert!(error.to_string().contains(&format!("{}M", least.div_ceil(1 << 20))), "{error}");
+        assert_eq!(budget(least).rows(), Ok(LEAST_ROWS));
+        assert!(
+            budget(100).rows().unwrap_err().to_string().starts_with("--memory of 100 bytes is too little")
+        );
+    }
+
+    #[test]
+    fn what_is_left_of_the_bound_keeps_blocks() {
+        let planes = Planes { all: 20, features: 7, aovs: 0 };
+        let target = Rect::whole((1000, 1000));
+        let budget = |bound, frames| Budget::new(bound, planes, target, target.size(), 300, frames);
+        let stages = planes.per_pixel() * 1_000_000;
+        let need = FIXED_BYTES + planes.result(target) + stages;
+        let ample = budget(Some(MemoryBound(need + 7)), 1);
+        assert_eq!([ample.beside_stages(target), ample.beside_planes(target)], [7, 7 + stages - 80_000_000]);
+        assert_eq!(budget(None, 1).beside_stages(target), 0, "without a bound it takes what it needs");
+        assert_eq!(budget(Some(MemoryBound(2 * need)), 2).beside_planes(target), 0, "another frame needs it");
+    }
+}
