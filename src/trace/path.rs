@@ -198,7 +198,7 @@ impl<const E: u32> Integrator<'_, E> {
         path.throughput.component_mul_assign(&scatter.weight);
         path.eta *= scatter.eta;
         path.origin = Origin { point: surface.point, normal, pdf: scatter.pdf, delta: scatter.delta };
-        path.ray = Ray::leaving(surface.point, surface.normal, direction, path.ray.time);
+        path.ray = surface.leaving(direction, path.ray.time);
         path.throughput != Vec3::zeros()
     }
 
@@ -247,10 +247,10 @@ impl<const E: u32> Integrator<'_, E> {
             // A black surface still tells what reaches it.
             if pdf > 0.0 && (recorded || value != Vec3::zeros()) {
                 let ray = match surface {
-                    Some((surface, _)) => Ray::leaving(point, surface.normal, light.direction, path.ray.time),
+                    Some((surface, _)) => surface.leaving(light.direction, path.ray.time),
                     None => Ray { origin: point, direction: light.direction, time: path.ray.time },
                 };
-                let (ray, end) = ray.aimed(point, light.distance);
+                let (ray, end) = ray.aimed(light.end);
                 if !self.scene.world.occluded::<E>(&ray, end) {
                     reached = true;
                     let density = light.pdf * probability;

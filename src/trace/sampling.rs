@@ -176,7 +176,10 @@ mod tests {
             let squares = bins.as_flattened().iter().map(|&n| (f64::from(n) - expected).powi(2));
             let (chi2, freedom) = (squares.sum::<f64>() / expected, (BINS * BINS - 1) as f64);
             let z = (chi2 - freedom) / (2.0 * freedom).sqrt();
-            assert!(z.abs() < 4.0, "{a:?} and {b:?}, number {at}: χ² of {chi2:.0} where {freedom} are expected");
+            assert!(
+                z.abs() < 4.0,
+                "{a:?} and {b:?}, number {at}: χ² of {chi2:.0} where {freedom} are expected"
+            );
         }
     }
 }
