@@ -129,10 +129,11 @@ impl<const E: u32> Integrator<'_, E> {
         Vertex { bsdf: material.at(uv), basis, wi: basis.to_local(-ray.direction), surface }
     }
 
-    /// Russian roulette, by the share of the light that the path can still carry.
+    /// Russian roulette, by the share of the light that the path can still carry; none while the surface
+    /// whose features are wanted is still to come, for without it the path would count as a miss.
     #[inline(always)]
     fn survives(&self, path: &mut Path, depth: u32) -> bool {
-        if depth < self.scene.roulette_depth {
+        if depth < self.scene.roulette_depth || path.sample.is_recording() {
             return true;
         }
         let survival = (path.throughput.amax() * path.eta * path.eta).min(SURVIVAL_LIMIT);

@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use apr::trace::{FeatureMode, RenderOptions, render};
 use serde_json::{Value, json};
 
-use super::{picture_mean, rendered, shipped};
+use super::{parse, picture_mean, rendered, shipped};
 
 /// Most standard errors by which a mean may miss; the seeds are fixed, so a pass stays one.
 const Z_LIMIT: f64 = 3.5;
@@ -261,16 +262,16 @@ fn a_box_of_any_size_looks_the_same() {
     }
 }
 
-/// Light that is found while the path flies on is independent of where in the pixel the path began.
+/// Whether a path gets through the medium is independent of where in the pixel it began.
 #[test]
 fn half_a_lamp_behind_what_absorbs() {
     for side in [-1, 1] {
         let scene = json!({
-            "camera": {"origin": [0, 0, 2.9957], "target": [0, 0, 0], "fov": 0.1, "resolution": [8, 6]},
+            "camera": {"origin": [0, 0, 2.9957], "target": [0, 0, 0], "fov": 0.1, "resolution": [1, 1]},
             "shapes": [{"type": "rectangle", "emission": 1, "transform": [{"translate": [side, 0, 0]}]}],
             "medium": {"extinction": 1, "albedo": 0}
         });
-        expect(&scene, 4096, [0.5 * (-2.9957f64).exp(); 3]);
+        expect(&scene, 1 << 18, [0.5 * (-2.9957f64).exp(); 3]);
     }
 }
 
@@ -284,4 +285,21 @@ fn a_lamp_in_a_closed_box_lights_nothing() {
         ]});
         assert_eq!(picture_mean(&rendered(&floor(lamp), 64, 1)), [(0.0, 0.0); 3]);
     }
+}
+
+/// What a dark mirror shows is recorded however little light the path can still carry.
+#[test]
+fn roulette_leaves_features_beyond_mirrors_alone() {
+    let mut scene =
+        ball(json!({"type": "conductor", "eta": 0.01, "k": 1e4, "reflectance": 0.1}), white_sky());
+    scene["integrator"] = json!({"roulette_depth": 1});
+    scene["materials"]["wall"] = json!({"type": "diffuse", "reflectance": 0.5});
+    scene["shapes"] = json!([
+        {"type": "rectangle", "material": "m", "transform": [{"scale": 9}]},
+        {"type": "rectangle", "material": "wall", "transform": [{"scale": 99}, {"translate": [0, 0, 5]}]}
+    ]);
+    let options = RenderOptions { features: FeatureMode::FirstRough, ..RenderOptions::default() };
+    let frame = render(&parse(&scene), &options).unwrap().frame;
+    let albedo = frame.features().iter().find(|feature| feature.name == "albedo").unwrap();
+    assert!(albedo.planes[0].data().iter().all(|&value| value == 0.5));
 }
