@@ -128,6 +128,11 @@ impl Basis {
     }
 }
 
+/// `v` with unit length, none when it is zero: in double precision, for squares of single may leave it.
+pub fn direction(v: Vector3<f64>) -> Option<Vec3> {
+    v.try_normalize(0.0).map(|unit| unit.cast())
+}
+
 /// Luminance of linear Rec. 709 RGB.
 #[inline]
 pub fn luminance(c: Vec3) -> f32 {

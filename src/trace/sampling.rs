@@ -160,7 +160,7 @@ mod tests {
         const SAMPLES: u32 = 1 << 16;
         let number = |sample, stream, at| {
             let mut random = Random::new(0, 7, sample, stream);
-            (0..at).for_each(|_| drop(random.next()));
+            (0..at).for_each(|_| _ = random.next());
             random.next()
         };
         let streams = [Stream::Path, Stream::Lens, Stream::Time, Stream::Medium];
