@@ -122,10 +122,15 @@ pub(super) struct Buffers {
 }
 
 impl Film {
-    pub(super) fn new(width: usize, height: usize, buffers: Buffers) -> Self {
+    /// An empty film.
+    ///
+    /// # Errors
+    /// When there is no memory for it and the picture that is made of it: told now, not after the render.
+    pub(super) fn new(width: usize, height: usize, buffers: Buffers) -> Result<Self> {
         let pixels = width * height;
+        check_memory(width, height, &buffers)?;
         let when = |wanted: bool| if wanted { pixels } else { 0 };
-        Self {
+        Ok(Self {
             width,
             height,
             counts: vec![Count::default(); pixels],
@@ -135,7 +140,7 @@ impl Film {
             motion: vec![[0.0; 4]; when(buffers.motion)],
             groups: vec![0.0; 3 * buffers.groups.len() * pixels],
             group_names: buffers.groups,
-        }
+        })
     }
 
     /// Columns.
@@ -275,6 +280,28 @@ impl Film {
     }
 }
 
+/// Checks that a film and about as much again for its picture can be had.
+fn check_memory(width: usize, height: usize, buffers: &Buffers) -> Result<()> {
+    let of = |wanted: bool, bytes: usize| if wanted { bytes as u64 } else { 0 };
+    let per_pixel = size_of::<Count>() as u64
+        + size_of::<ColorMoments>() as u64
+        + of(buffers.features, size_of::<Moments<FEATURES>>())
+        + of(buffers.second, size_of::<Moments<SECOND_FEATURES>>())
+        + of(buffers.motion, size_of::<[f64; 4]>())
+        + buffers.groups.len() as u64 * size_of::<[f64; 3]>() as u64;
+    let bytes = 2 * per_pixel * (width * height) as u64;
+    let had = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+    if had {
+        return Ok(());
+    }
+    let gigabytes = bytes as f64 / 1e9;
+    let what =
+        format!("a picture of {width}×{height} pixels needs {gigabytes:.1} GB, which are not to be had");
+    let error = Error::new(ErrorKind::Usage, what);
+    Err(error
+        .remedy("give the camera a lower 'resolution' or a 'crop', or leave out features and light groups"))
+}
+
 /// A feature's name and kind, and which of a pixel's numbers are its own.
 type Layer = (&'static str, FeatureKind, std::ops::Range<usize>);
 
@@ -291,6 +318,11 @@ const SECOND_LAYERS: [Layer; 3] = [
     ("normal2", FeatureKind::Normal, 3..6),
     ("depth2", FeatureKind::Depth, 6..7),
 ];
+
+/// The names of all features that a picture may have.
+pub(super) fn feature_names() -> impl Iterator<Item = &'static str> {
+    FIRST_LAYERS.iter().chain(&SECOND_LAYERS).map(|(name, ..)| *name)
+}
 
 /// A number drawn from a pixel's sums.
 type Statistic<const N: usize> = fn(&Moments<N>, Count, usize) -> f64;

@@ -6,11 +6,11 @@ use wide::f32x4;
 /// A point, direction or linear RGB colour.
 pub type Vec3 = Vector3<f32>;
 
-/// Offset of a ray's start from its surface, relative to 1 + the largest coordinate. Larger than the
-/// rounding of a hit point by two orders of magnitude, and far below any modelled detail.
-const RAY_OFFSET: f32 = 9e-5;
-/// Share of the distance by which a shadow ray stops short of its light.
-const SHADOW_SHORTENING: f32 = 1e-3;
+/// Bound of the rounding of a sum of products as long as a hit takes, relative to the sum of their
+/// magnitudes: up to eight roundings of half an ulp (the γ of Higham 2002, used so by PBRT-v4, section 6.8).
+pub const ROUNDING: f32 = 4.0 * f32::EPSILON;
+/// Share of the distance by which a shadow ray stops short of its end, for the rounding of distances.
+const SHADOW_SHORTENING: f32 = 4.0 * ROUNDING;
 
 /// A ray; the direction has unit length in world space, any length inside an instance.
 #[derive(Debug, Clone, Copy)]
@@ -30,26 +30,12 @@ impl Ray {
         self.origin + self.direction * t
     }
 
-    /// A ray that leaves `point` of a surface with geometric normal `normal` on the side of
-    /// `direction`.
+    /// The ray from its start, which may have been moved off a surface, to the point `end`, and where it
+    /// stops short of that; without an end it goes on for ever.
     #[inline]
-    pub fn leaving(point: Vec3, normal: Vec3, direction: Vec3, time: f32) -> Self {
-        let magnitude = (1.0 + point.amax()) * RAY_OFFSET;
-        let offset = if direction.dot(&normal) < 0.0 { -magnitude } else { magnitude };
-        Self { origin: point + normal * offset, direction, time }
-    }
-}
-
-impl Ray {
-    /// The ray from its start, which was moved off the surface at `from`, to what was seen from there at
-    /// `distance`, and where it stops short of it. Without aiming again, a ray that grazes a light would
-    /// meet the light's own near side.
-    #[inline]
-    pub fn aimed(self, from: Vec3, distance: f32) -> (Self, f32) {
-        if distance == f32::INFINITY {
-            return (self, distance);
-        }
-        let way = from + self.direction * distance - self.origin;
+    pub fn aimed(self, end: Option<Vec3>) -> (Self, f32) {
+        let Some(end) = end else { return (self, f32::INFINITY) };
+        let way = end - self.origin;
         let length = way.norm();
         (Self { direction: way / length, ..self }, length * (1.0 - SHADOW_SHORTENING))
     }
@@ -140,6 +126,11 @@ impl Basis {
     pub fn to_local(self, v: Vec3) -> Vec3 {
         Vec3::new(v.dot(&self.s), v.dot(&self.t), v.dot(&self.n))
     }
+}
+
+/// `v` with unit length, none when it is zero: in double precision, for squares of single may leave it.
+pub fn direction(v: Vector3<f64>) -> Option<Vec3> {
+    v.try_normalize(0.0).map(|unit| unit.cast())
 }
 
 /// Luminance of linear Rec. 709 RGB.

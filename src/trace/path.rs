@@ -129,10 +129,11 @@ impl<const E: u32> Integrator<'_, E> {
         Vertex { bsdf: material.at(uv), basis, wi: basis.to_local(-ray.direction), surface }
     }
 
-    /// Russian roulette, by the share of the light that the path can still carry.
+    /// Russian roulette, by the share of the light that the path can still carry; none while the surface
+    /// whose features are wanted is still to come, for without it the path would count as a miss.
     #[inline(always)]
     fn survives(&self, path: &mut Path, depth: u32) -> bool {
-        if depth < self.scene.roulette_depth {
+        if depth < self.scene.roulette_depth || path.sample.is_recording() {
             return true;
         }
         let survival = (path.throughput.amax() * path.eta * path.eta).min(SURVIVAL_LIMIT);
@@ -198,7 +199,7 @@ impl<const E: u32> Integrator<'_, E> {
         path.throughput.component_mul_assign(&scatter.weight);
         path.eta *= scatter.eta;
         path.origin = Origin { point: surface.point, normal, pdf: scatter.pdf, delta: scatter.delta };
-        path.ray = Ray::leaving(surface.point, surface.normal, direction, path.ray.time);
+        path.ray = surface.leaving(direction, path.ray.time);
         path.throughput != Vec3::zeros()
     }
 
@@ -247,10 +248,10 @@ impl<const E: u32> Integrator<'_, E> {
             // A black surface still tells what reaches it.
             if pdf > 0.0 && (recorded || value != Vec3::zeros()) {
                 let ray = match surface {
-                    Some((surface, _)) => Ray::leaving(point, surface.normal, light.direction, path.ray.time),
+                    Some((surface, _)) => surface.leaving(light.direction, path.ray.time),
                     None => Ray { origin: point, direction: light.direction, time: path.ray.time },
                 };
-                let (ray, end) = ray.aimed(point, light.distance);
+                let (ray, end) = ray.aimed(light.end);
                 if !self.scene.world.occluded::<E>(&ray, end) {
                     reached = true;
                     let density = light.pdf * probability;

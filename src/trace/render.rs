@@ -80,20 +80,23 @@ pub struct Renderer<'a> {
 /// Renders `scene` with `options.spp` samples in every pixel.
 ///
 /// # Errors
-/// When `options.spp` is 0.
+/// When `options.spp` is 0, or there is no memory for the picture.
 pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendered> {
     if options.spp == 0 {
         let error = Error::new(ErrorKind::Usage, "0 samples per pixel where at least 1 was expected");
         return Err(error.remedy("give an spp of 1 or more"));
     }
-    let mut renderer = Renderer::new(scene, options);
+    let mut renderer = Renderer::new(scene, options)?;
     renderer.pass(Samples::Uniform(options.spp))?;
     renderer.finish()
 }
 
 impl<'a> Renderer<'a> {
     /// Prepares a render; `options.spp` is left to the passes.
-    pub fn new(scene: &'a Scene, options: &RenderOptions) -> Self {
+    ///
+    /// # Errors
+    /// When there is no memory for the picture.
+    pub fn new(scene: &'a Scene, options: &RenderOptions) -> Result<Self> {
         let plan = Plan::new(scene, options);
         let features = options.features != FeatureMode::None;
         let buffers = Buffers {
@@ -103,7 +106,8 @@ impl<'a> Renderer<'a> {
             groups: if options.light_groups { scene.group_names.clone() } else { vec![] },
         };
         let crop = scene.camera.crop;
-        Self { scene, options: options.clone(), plan, film: Film::new(crop.width, crop.height, buffers) }
+        let film = Film::new(crop.width, crop.height, buffers)?;
+        Ok(Self { scene, options: options.clone(), plan, film })
     }
 
     /// The effects that are simulated.
@@ -239,7 +243,7 @@ mod tests {
             let scene = Scene::parse(&scene.to_string(), &folder).unwrap();
             let options = RenderOptions { second_hit: true, ..RenderOptions::default() };
             let film_of = |run: RunRow| {
-                let mut renderer = Renderer::new(&scene, &options);
+                let mut renderer = Renderer::new(&scene, &options).unwrap();
                 let mut sample = Sample::new(0);
                 for (y, row) in renderer.film.rows().into_iter().enumerate() {
                     run(&scene, &options, y, row, &|_| 4, &mut sample);

@@ -34,11 +34,15 @@ fn scramble(mut z: u64) -> u64 {
 }
 
 impl Random {
-    /// The generator of sample `sample` of pixel `pixel` in a render with `seed`.
+    /// The generator of `stream` of sample `sample` of pixel `pixel` in a render with `seed`. Its start is
+    /// hashed from all four: streams of PCG that start alike differ by a constant for ever, and their
+    /// numbers with them.
     pub fn new(seed: u64, pixel: u32, sample: u32, stream: Stream) -> Self {
         const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15; // 2⁶⁴ / golden ratio: keeps seed 0 from the hash's fixed point
         let place = u64::from(pixel) << 32 | u64::from(sample);
-        Self(Lcg64Xsh32::new(scramble(scramble(seed.wrapping_add(GOLDEN)) ^ place), stream as u64))
+        let place = scramble(scramble(seed.wrapping_add(GOLDEN)) ^ place);
+        let stream = stream as u64;
+        Self(Lcg64Xsh32::new(scramble(place.wrapping_add(stream.wrapping_mul(GOLDEN))), stream))
     }
 
     /// A number in [0, 1).
@@ -142,4 +146,40 @@ impl Distribution {
 pub fn power_heuristic(a: f32, b: f32) -> f32 {
     let ratio = b / a; // the quotient first: squares of large densities would overflow
     1.0 / (1.0 + ratio * ratio)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that a pixel's samples draw from any two streams fill the unit square evenly: χ² over
+    /// 16 × 16 bins, with neighbouring samples as a control.
+    #[test]
+    fn streams_are_independent() {
+        const BINS: usize = 16;
+        const SAMPLES: u32 = 1 << 16;
+        let number = |sample, stream, at| {
+            let mut random = Random::new(0, 7, sample, stream);
+            (0..at).for_each(|_| _ = random.next());
+            random.next()
+        };
+        let streams = [Stream::Path, Stream::Lens, Stream::Time, Stream::Medium];
+        let pairs = (0..4).flat_map(|a| (a..4).map(move |b| (streams[a], streams[b], u32::from(a == b))));
+        for ((a, b, apart), at) in pairs.flat_map(|pair| [0, 1, 21].map(|at| (pair, at))) {
+            let mut bins = [[0u32; BINS]; BINS];
+            for sample in 0..SAMPLES {
+                let place = [number(sample, a, at), number(sample + apart, b, at)];
+                let [x, y] = place.map(|u| (u * BINS as f32) as usize);
+                bins[y][x] += 1;
+            }
+            let expected = f64::from(SAMPLES) / (BINS * BINS) as f64;
+            let squares = bins.as_flattened().iter().map(|&n| (f64::from(n) - expected).powi(2));
+            let (chi2, freedom) = (squares.sum::<f64>() / expected, (BINS * BINS - 1) as f64);
+            let z = (chi2 - freedom) / (2.0 * freedom).sqrt();
+            assert!(
+                z.abs() < 4.0,
+                "{a:?} and {b:?}, number {at}: χ² of {chi2:.0} where {freedom} are expected"
+            );
+        }
+    }
 }

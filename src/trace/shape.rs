@@ -4,7 +4,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use nalgebra::Matrix3;
 
-use super::math::{Aabb, Ray, Vec3};
+use super::math::{Aabb, ROUNDING, Ray, Vec3};
 use super::transform::Placement;
 
 /// A hit point with what shading needs to know about the surface there.
@@ -18,6 +18,17 @@ pub struct Surface {
     pub shading_normal: Vec3,
     /// Texture coordinates.
     pub uv: [f32; 2],
+    /// How far off the surface, along the normal, rounding may put the point or the surface's own hit test.
+    pub error: f32,
+}
+
+impl Surface {
+    /// The ray that leaves into `direction`, from just so far off that it cannot meet the surface again.
+    #[inline]
+    pub fn leaving(&self, direction: Vec3, time: f32) -> Ray {
+        let offset = if direction.dot(&self.normal) < 0.0 { -self.error } else { self.error };
+        Ray { origin: self.point + self.normal * offset, direction, time }
+    }
 }
 
 /// A sphere.
@@ -64,11 +75,18 @@ impl Sphere {
         let phi = local.y.atan2(local.x);
         let u = phi * (0.5 * FRAC_1_PI);
         Surface {
+            error: self.error(normal),
             point: self.center + normal * self.radius,
             normal,
             shading_normal: normal,
             uv: [if u < 0.0 { u + 1.0 } else { u }, local.z.clamp(-1.0, 1.0).acos() * FRAC_1_PI],
         }
+    }
+
+    /// [`Surface::error`] where the unit normal is `normal`. The hit test squares the radius: counted twice.
+    #[inline]
+    pub fn error(&self, normal: Vec3) -> f32 {
+        ROUNDING * (self.center.abs().dot(&normal.abs()) + 2.0 * self.radius)
     }
 
     /// Its area.
@@ -108,6 +126,7 @@ impl Disk {
         let normal = self.normal();
         let phi = p.y.atan2(p.x) * (0.5 * FRAC_1_PI);
         Surface {
+            error: self.error(normal),
             point: self.placement.to_world.point(Vec3::new(p.x, p.y, 0.0)),
             normal,
             shading_normal: normal,
@@ -120,9 +139,17 @@ impl Disk {
         self.placement.normal_to_world(Vec3::z())
     }
 
+    /// [`Surface::error`] where the unit normal is `normal`: to the disk's plane and back.
+    #[inline]
+    pub fn error(&self, normal: Vec3) -> f32 {
+        let m = &self.placement.to_world;
+        let reach = m.shift.abs() + m.linear.column(0).abs() + m.linear.column(1).abs();
+        2.0 * ROUNDING * normal.abs().dot(&reach)
+    }
+
     /// Its area.
     pub fn area(&self) -> f32 {
-        let m = &self.placement.to_world.linear;
-        PI * m.column(0).cross(&m.column(1)).norm()
+        let m = self.placement.to_world.linear.cast::<f64>(); // products of large edges leave single precision
+        (f64::from(PI) * m.column(0).cross(&m.column(1)).norm()) as f32
     }
 }

@@ -1,60 +1,98 @@
 //! All geometry of a scene: levels of shapes, each with its hierarchy. Level 0 is the world; the
 //! others are groups that instances place in it.
 
+use nalgebra::Vector3;
+
 use super::bvh::{Bvh, Item, ItemKind, Leaf, Packet, Split};
-use super::math::{Aabb, Ray, Vec3};
+use super::math::{Aabb, ROUNDING, Ray, Vec3};
 use super::plan::effect;
 use super::shape::{Disk, Sphere, Surface};
-use super::transform::Motion;
+use super::transform::{Motion, Placement};
 
 /// A triangle and its shape.
 #[derive(Debug, Clone, Copy)]
 pub struct Triangle {
     /// Corners, counter-clockwise seen from outside.
     pub corners: [Vec3; 3],
-    /// Shading normals of the corners, where they have any.
-    pub normals: Option<[Vec3; 3]>,
-    /// Texture coordinates of the corners.
-    pub uv: [[f32; 2]; 3],
+    normal: Vec3,
+    error: f32, // of every point's `Surface`
+    normals: Option<[Vec3; 3]>,
+    uv: [[f32; 2]; 3],
     /// Index of the shape it belongs to.
     pub shape: u32,
 }
 
 impl Triangle {
+    /// A triangle of shape number `shape`, with its `corners`' shading normals, where they have any, and
+    /// texture coordinates.
+    pub fn new(corners: [Vec3; 3], normals: Option<[Vec3; 3]>, uv: [[f32; 2]; 3], shape: u32) -> Self {
+        let scaled = scaled_normal(&corners);
+        let normal = scaled.try_normalize(0.0).unwrap_or_default();
+        let error = error(&corners, &normal, scaled.norm());
+        Self { corners, normal: normal.cast(), error, normals, uv, shape }
+    }
+
     /// Unit normal of its plane.
     #[inline]
     pub fn normal(&self) -> Vec3 {
-        self.scaled_normal().normalize()
+        self.normal
+    }
+
+    /// [`Surface::error`] of its points.
+    pub fn error(&self) -> f32 {
+        self.error
     }
 
     /// Its area.
     pub fn area(&self) -> f32 {
-        0.5 * self.scaled_normal().norm()
-    }
-
-    #[inline]
-    fn scaled_normal(&self) -> Vec3 {
-        let [a, b, c] = self.corners;
-        (b - a).cross(&(c - a))
+        (0.5 * scaled_normal(&self.corners).norm()) as f32
     }
 
     #[inline]
     fn surface(&self, [u, v]: [f32; 2]) -> Surface {
         let w = 1.0 - u - v;
         let [a, b, c] = self.corners;
-        let normal = self.normal();
         let shading_normal = match self.normals {
             Some([na, nb, nc]) => (na * w + nb * u + nc * v).normalize(),
-            None => normal,
+            None => self.normal,
         };
         let [ta, tb, tc] = self.uv;
         Surface {
             point: a * w + b * u + c * v,
-            normal,
+            normal: self.normal,
             shading_normal,
             uv: [0, 1].map(|i| ta[i] * w + tb[i] * u + tc[i] * v),
+            error: self.error,
         }
     }
+}
+
+/// The edges from the first corner.
+fn edges([a, b, c]: &[Vec3; 3]) -> [Vector3<f64>; 2] {
+    [b, c].map(|p| p.cast::<f64>() - a.cast::<f64>())
+}
+
+/// The normal with twice the area as length: in double precision, for it is of the edges' square.
+fn scaled_normal(corners: &[Vec3; 3]) -> Vector3<f64> {
+    let [e1, e2] = edges(corners);
+    e1.cross(&e2)
+}
+
+/// [`Surface::error`] of a triangle. A point is a sum of the corners; the hit test takes distances off the
+/// plane from the determinant of both edges and the way from the first corner, over the edges' product.
+/// Along an axis across which the plane lies neither rounds.
+fn error(corners: &[Vec3; 3], normal: &Vector3<f64>, twice_area: f64) -> f32 {
+    /// Slivers whose test errs by more than this share of their size may shade themselves.
+    const MOST: f64 = 1e-3;
+    let farthest = corners.iter().fold(Vec3::zeros(), |most, corner| most.sup(&corner.abs()));
+    let [e1, e2] = edges(corners).map(|edge| edge.abs());
+    let (way, size) = (e1.sup(&e2), e1.amax().max(e2.amax()));
+    let determinant: f64 = (0..3)
+        .map(|i| way[i] * (e1[(i + 1) % 3] * e2[(i + 2) % 3] + e1[(i + 2) % 3] * e2[(i + 1) % 3]))
+        .sum();
+    let rounding = f64::from(ROUNDING);
+    let of_test = (rounding * determinant / twice_area).min(MOST * size);
+    (rounding * normal.abs().dot(&farthest.cast()) + of_test) as f32
 }
 
 /// Whatever has a leaf of its own.
@@ -238,13 +276,26 @@ impl World {
         };
         let placement = motion.at(ray.time);
         let (local, shape) = self.groups[*level as usize].surface(&placement.ray_to_local(ray), hit);
-        let surface = Surface {
-            point: placement.to_world.point(local.point),
-            normal: placement.normal_to_world(local.normal),
-            shading_normal: placement.normal_to_world(local.shading_normal),
-            uv: local.uv,
-        };
-        (surface, shape)
+        (placed(&placement, &local), shape)
+    }
+}
+
+/// The surface `local` of a group where `placement` puts it. Its error grows by the rounding of the point's
+/// way into the world and of a ray's way back.
+#[inline(always)]
+fn placed(placement: &Placement, local: &Surface) -> Surface {
+    let Placement { to_world, to_local } = placement;
+    let scaled = to_local.linear.tr_mul(&local.normal); // as long as a length of 1 along it is in the group
+    let (point, normal, per_length) = (to_world.point(local.point), scaled.normalize(), scaled.norm());
+    let there = to_world.linear.abs() * local.point.abs() + to_world.shift.abs();
+    let back = to_local.linear.abs() * point.abs() + to_local.shift.abs();
+    let of_back = local.error + ROUNDING * back.dot(&local.normal.abs());
+    Surface {
+        point,
+        normal,
+        shading_normal: placement.normal_to_world(local.shading_normal),
+        uv: local.uv,
+        error: ROUNDING * there.dot(&normal.abs()) + of_back / per_length,
     }
 }
 

@@ -13,7 +13,7 @@ fn in_rounds(
     seed: u64,
 ) -> (Rendered, Outcome) {
     let scene = parse(&shipped(name, resolution));
-    let mut renderer = Renderer::new(&scene, &RenderOptions { seed, ..RenderOptions::default() });
+    let mut renderer = Renderer::new(&scene, &RenderOptions { seed, ..RenderOptions::default() }).unwrap();
     let mut steps = vec![];
     let outcome = render(&mut renderer, options, &mut |step| steps.push(step)).unwrap();
     let traced = steps.iter().filter(|step| matches!(step, Step::Traced(_))).count();
@@ -73,7 +73,7 @@ fn a_render_ends_when_the_target_is_met() {
 fn what_cannot_be_rendered_in_rounds_is_refused() {
     let scene = parse(&shipped("cornell_box", [8, 6]));
     let refused = |options: AdaptiveOptions, first: u32| {
-        let mut renderer = Renderer::new(&scene, &RenderOptions::default());
+        let mut renderer = Renderer::new(&scene, &RenderOptions::default()).unwrap();
         renderer.pass(Samples::Uniform(first)).unwrap();
         render(&mut renderer, &options, &mut |_| {}).unwrap_err().to_string()
     };
@@ -112,7 +112,8 @@ fn variances_and_halves_are_right_for_unequal_counts() {
     let scene = parse(&shipped("teapot_diffuse", [64, 48]));
     let map: Vec<u32> = (0..64 * 48).map(|i| [2, 3, 7, 24][i % 4]).collect();
     let render = |seed: u64| {
-        let mut renderer = Renderer::new(&scene, &RenderOptions { seed, ..RenderOptions::default() });
+        let mut renderer =
+            Renderer::new(&scene, &RenderOptions { seed, ..RenderOptions::default() }).unwrap();
         // In two passes, as rounds draw them.
         let first: Vec<u32> = map.iter().map(|n| n / 2).collect();
         let second: Vec<u32> = map.iter().map(|n| n - n / 2).collect();

@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use apr::trace::{FeatureMode, RenderOptions, render};
 use serde_json::{Value, json};
 
-use super::{picture_mean, rendered};
+use super::{parse, picture_mean, rendered, shipped};
 
 /// Most standard errors by which a mean may miss; the seeds are fixed, so a pass stays one.
 const Z_LIMIT: f64 = 3.5;
@@ -194,4 +195,111 @@ fn a_mean_over_an_environment_map_is_the_same_by_light_and_by_chance() {
             "{c}: {mean}, {least}"
         );
     }
+}
+
+/// Rays start as near to their surface as the rounding there allows: a pane of 1 mm far from the origin is
+/// entered and left again, and what refraction squeezes in between is undone.
+#[test]
+fn a_thin_pane_far_away_is_a_furnace() {
+    for x in [0, 20, 1000] {
+        let mut scene = ball(json!({"type": "dielectric"}), white_sky());
+        scene["camera"]["origin"] = json!([x, 0.3, 4]);
+        scene["camera"]["target"] = json!([x, 0, 0]);
+        scene["shapes"] = json!([{"type": "cube", "material": "m", "transform": [
+            {"scale": [1, 1, 0.0005]}, {"translate": [x, 0, 0]}]}]);
+        expect_with(&scene, 64, [1.0; 3], 5e-4);
+    }
+}
+
+/// Nor do they start too near: huge ground, whose points and hit tests are rounded by their size and not by
+/// where they are seen, does not shade itself. Seen still, and as an instance.
+#[test]
+fn huge_ground_does_not_shade_itself() {
+    let tilt = |angle: f64| json!({"rotate": {"axis": [1, 0, 0], "angle": angle}});
+    for size in [1.0, 3e3, 1e5] {
+        let sphere = json!([{"scale": size}, {"translate": [-0.6 * size, -0.8 * size, 0]}]);
+        let plane = |angle: f64| json!([{"scale": size}, tilt(angle)]);
+        let grounds = [("sphere", sphere), ("rectangle", plane(-75.0)), ("disk", plane(-50.0))];
+        for (kind, transform) in grounds {
+            let shape = |transform: &Value| json!({"type": kind, "material": "m", "transform": transform});
+            let gray = json!({"type": "diffuse", "reflectance": 0.5});
+            let mut scene = ball(gray, white_sky());
+            scene["camera"]["origin"] = json!([2, 3, 1]);
+            scene["camera"]["fov"] = json!(1);
+            scene["shapes"] = json!([shape(&transform)]);
+            expect(&scene, 64, [0.5; 3]);
+            scene["groups"] = json!({"ground": [shape(&json!([tilt(20.0)]))]});
+            let mut placed = vec![tilt(-20.0)];
+            placed.extend(transform.as_array().unwrap().clone());
+            scene["shapes"] = json!([{"type": "instance", "of": "ground", "transform": placed}]);
+            expect(&scene, 64, [0.5; 3]);
+        }
+    }
+}
+
+/// Lengths have any unit.
+#[test]
+fn a_box_of_any_size_looks_the_same() {
+    let of_size = |size: f64, seed: u64| {
+        let mut scene = shipped("cornell_box", [24, 24]);
+        for key in ["origin", "target"] {
+            for coordinate in scene["camera"][key].as_array_mut().unwrap() {
+                *coordinate = json!(coordinate.as_f64().unwrap() * size);
+            }
+        }
+        for shape in scene["shapes"].as_array_mut().unwrap() {
+            let mut transform = shape["transform"].as_array().cloned().unwrap_or_default();
+            transform.push(json!({"scale": size}));
+            shape["transform"] = json!(transform);
+        }
+        picture_mean(&rendered(&scene, 64, seed))
+    };
+    let own = of_size(1.0, 1);
+    for (seed, size) in [1e-12, 1e-5, 1e3, 1e12].into_iter().enumerate() {
+        for ((a, a_error), (b, b_error)) in own.into_iter().zip(of_size(size, 2 + seed as u64)) {
+            assert!((a - b).abs() < Z_LIMIT * a_error.hypot(b_error), "{a} of size 1, {b} of size {size}");
+        }
+    }
+}
+
+/// Whether a path gets through the medium is independent of where in the pixel it began.
+#[test]
+fn half_a_lamp_behind_what_absorbs() {
+    for side in [-1, 1] {
+        let scene = json!({
+            "camera": {"origin": [0, 0, 2.9957], "target": [0, 0, 0], "fov": 0.1, "resolution": [1, 1]},
+            "shapes": [{"type": "rectangle", "emission": 1, "transform": [{"translate": [side, 0, 0]}]}],
+            "medium": {"extinction": 1, "albedo": 0}
+        });
+        expect(&scene, 1 << 18, [0.5 * (-2.9957f64).exp(); 3]);
+    }
+}
+
+/// What stands close to a lamp shades it, however far away it is lit from.
+#[test]
+fn a_lamp_in_a_closed_box_lights_nothing() {
+    for height in [1, 100] {
+        let lamp = json!({"shapes": [
+            {"type": "sphere", "center": [0, height, 0], "radius": 0.05, "emission": 500},
+            {"type": "cube", "material": "gray", "transform": [{"scale": 0.06}, {"translate": [0, height, 0]}]}
+        ]});
+        assert_eq!(picture_mean(&rendered(&floor(lamp), 64, 1)), [(0.0, 0.0); 3]);
+    }
+}
+
+/// What a dark mirror shows is recorded however little light the path can still carry.
+#[test]
+fn roulette_leaves_features_beyond_mirrors_alone() {
+    let mut scene =
+        ball(json!({"type": "conductor", "eta": 0.01, "k": 1e4, "reflectance": 0.1}), white_sky());
+    scene["integrator"] = json!({"roulette_depth": 1});
+    scene["materials"]["wall"] = json!({"type": "diffuse", "reflectance": 0.5});
+    scene["shapes"] = json!([
+        {"type": "rectangle", "material": "m", "transform": [{"scale": 9}]},
+        {"type": "rectangle", "material": "wall", "transform": [{"scale": 99}, {"translate": [0, 0, 5]}]}
+    ]);
+    let options = RenderOptions { features: FeatureMode::FirstRough, ..RenderOptions::default() };
+    let frame = render(&parse(&scene), &options).unwrap().frame;
+    let albedo = frame.features().iter().find(|feature| feature.name == "albedo").unwrap();
+    assert!(albedo.planes[0].data().iter().all(|&value| value == 0.5));
 }

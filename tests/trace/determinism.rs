@@ -49,11 +49,11 @@ fn passes_checkpoints_and_maps_give_the_bits_of_one_pass() {
     let scene = parse(&shipped("glossy_gallery", [20, 15]));
     let whole = bits(&render(&scene, &everything()).unwrap().frame);
 
-    let mut first = Renderer::new(&scene, &everything());
+    let mut first = Renderer::new(&scene, &everything()).unwrap();
     first.pass(Samples::Uniform(1)).unwrap();
     first.pass(Samples::Map(&[2; 20 * 15])).unwrap();
     let kept = first.film().to_bytes();
-    let mut second = Renderer::new(&scene, &everything());
+    let mut second = Renderer::new(&scene, &everything()).unwrap();
     second.film_mut().restore(&kept).unwrap();
     second.pass(Samples::Uniform(3)).unwrap();
     assert_eq!(bits(&second.finish().unwrap().frame), whole);
@@ -66,7 +66,7 @@ fn passes_checkpoints_and_maps_give_the_bits_of_one_pass() {
 fn a_map_gives_each_pixel_its_own_number_of_samples() {
     let scene = parse(&shipped("cornell_box", [6, 4]));
     let counts: Vec<u32> = (0..24).map(|i| i % 5).collect();
-    let mut renderer = Renderer::new(&scene, &RenderOptions::default());
+    let mut renderer = Renderer::new(&scene, &RenderOptions::default()).unwrap();
     renderer.pass(Samples::Map(&counts)).unwrap();
     let some = renderer.finish().unwrap();
     assert_eq!(some.samples, counts.iter().map(|&n| u64::from(n)).sum::<u64>());

@@ -237,11 +237,18 @@ fn a_picture_of_another_ending_is_refused() {
 #[test]
 fn files_that_would_replace_each_other_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));
-    let before = std::fs::read(&scene).unwrap();
+    let (scene, out) = (folder.path().join("scene.json"), folder.path().join("out.exr"));
     let checkpoint = folder.path().join("out.exr.checkpoint");
+    let painting = folder.path().join("painting.png");
+    std::fs::copy(scenes().join("painting.png"), &painting).unwrap();
+    let mut document = shipped("cornell_box", [12, 10]);
+    document["materials"]["white"]["reflectance"] =
+        serde_json::json!({"type": "bitmap", "file": "painting.png"});
+    std::fs::write(&scene, document.to_string()).unwrap();
+    let before = std::fs::read(&scene).unwrap();
     for (report, words) in [
         (&scene, "the report and the scene"),
+        (&painting, "the report and a file of the scene"),
         (&out, "the report and the picture"),
         (&checkpoint, "the checkpoint and the report"),
     ] {
@@ -252,4 +259,18 @@ fn files_that_would_replace_each_other_are_refused() {
         assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
         assert!(std::fs::read(&scene).unwrap() == before && !out.exists());
     }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn more_than_the_machine_can_hold_is_told_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out.exr");
+    let mut command = Command::new("sh");
+    let limited = "ulimit -v 6000000; exec \"$@\"";
+    command.args(["-c", limited, "sh", env!("CARGO_BIN_EXE_apr-trace")]);
+    let output = command.arg(write_scene(folder.path(), [32768, 32768])).arg(&out).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("32768×32768"), "{said}");
+    assert!(said.contains("'crop'"), "{said}");
 }

@@ -70,6 +70,27 @@ fn every_mistake_is_named_with_its_place() {
             ["$.medium.extinction", "leave the medium out"],
         ),
         (
+            error_of(set("/shapes/1/motion", json!([{"rotate": {"axis": [0, 1, 0], "angle": 180}}]))),
+            ["$.shapes[1].motion", "180 degrees"],
+        ),
+        (
+            error_of(set("/camera/end", json!({"origin": [0, 0, 3.9], "target": [0, 0, 9]}))),
+            ["$.camera.end", "180 degrees"],
+        ),
+        (error_of(set("/shapes/0/group", json!("albedoHalfA"))), ["$.shapes[0].group", "another layer"]),
+        (error_of(set("/shapes/0/group", json!(""))), ["$.shapes[0].group", "no name"]),
+        (error_of(set("/shapes/0/group", json!("a\0b"))), ["'a\\u{0}b'", "name the group otherwise"]),
+        (error_of(set("/shapes/0/group", json!("x".repeat(300)))), ["$.shapes[0].group", "too long"]),
+        (
+            error_of(set("/shapes/1/group", json!("lamp"))),
+            ["$.shapes[1]: the light group 'lamp'", "emission"],
+        ),
+        (error_of(set("/shapes/0/emission", json!(1e30))), ["$.shapes[0].emission", "to 1000000000000000"]),
+        (
+            Scene::parse("{\"camera\": {\"fov\": 40, \"fov\": 90}}", &scenes()).unwrap_err().to_string(),
+            ["at $.camera: the key 'fov' is given twice", "line 1"],
+        ),
+        (
             error_of(set("/lights", json!([{"type": "point", "position": [0, 1], "intensity": 1}]))),
             ["$.lights[0].position", "3 numbers"],
         ),
@@ -98,4 +119,35 @@ fn every_shipped_scene_loads() {
         }
     }
     assert!(count >= 12, "{count} scenes");
+}
+
+/// What some editors put in front of a text is no part of it; another encoding is named.
+#[test]
+fn encodings_of_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    let text = shipped("cornell_box", [8, 6]).to_string();
+    std::fs::write(&path, format!("\u{feff}{text}")).unwrap();
+    Scene::load(&path).unwrap();
+    let wide: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    std::fs::write(&path, [&[0xff, 0xfe], &wide[..]].concat()).unwrap();
+    let error = Scene::load(&path).unwrap_err().to_string();
+    assert!(error.contains("scene.json") && error.contains("UTF-8"), "{error}");
+}
+
+#[test]
+fn meshes_of_numbers_that_are_none_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = shipped("cornell_box", [8, 6]);
+    scene["shapes"][1] = json!({"type": "mesh", "file": "m.obj", "material": "white"});
+    let load = |vt: &str, vn: &str| {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt {vt}\nvn {vn}\nf 1/1/1 2/1/1 3/1/1\n");
+        std::fs::write(folder.path().join("m.obj"), text).unwrap();
+        Scene::parse(&scene.to_string(), folder.path())
+    };
+    load("0 0", "0 0 1e25").unwrap();
+    for (vt, vn, what) in [("0 0", "0 0 nan", "normal"), ("0 inf", "0 0 1", "texture coordinate")] {
+        let error = load(vt, vn).unwrap_err().to_string();
+        assert!(error.contains("$.shapes[1].file") && error.contains(what), "{error}");
+    }
 }

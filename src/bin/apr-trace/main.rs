@@ -139,12 +139,15 @@ fn run(args: &Args) -> Result<()> {
     let Some(out) = args.out.as_ref().filter(|_| !args.plan) else {
         return print_plan(&Plan::new(&scene, &options));
     };
-    check_files(args, out)?; // before hours of work, not after
+    check_files(args, &scene, out)?; // before hours of work, not after
     let threads = args.threads.unwrap_or(0) as usize;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| Error::new(ErrorKind::Internal, format!("no threads: {error}")))?;
+    let pool = pool.map_err(|error| {
+        let error = Error::new(ErrorKind::Usage, format!("{threads} threads cannot be started: {error}"));
+        error.remedy("give fewer --threads, or none for one on each core")
+    })?;
     let start = Instant::now();
-    let mut renderer = Renderer::new(&scene, &options);
+    let mut renderer = Renderer::new(&scene, &options)?;
     let (rounds, taken_up) = if args.adaptive {
         let adaptive = AdaptiveOptions {
             spp: args.spp,
@@ -167,11 +170,12 @@ fn run(args: &Args) -> Result<()> {
 }
 
 /// Checks that every file can be written and destroys nothing that is read, nor another one.
-fn check_files(args: &Args, out: &Path) -> Result<()> {
+fn check_files(args: &Args, scene: &Scene, out: &Path) -> Result<()> {
     check_ending(out)?;
     let file = |role| move |path| RunFile { role, path };
     let checkpoint = checkpoint::path(args);
     let read = std::iter::once(&args.scene).map(|path| file("the scene")(path.as_path()));
+    let read = read.chain(scene.files().iter().map(|path| file("a file of the scene")(path)));
     let read = read.chain(args.spp_map.as_deref().map(file("the map of samples")));
     let report = args.report.as_deref().map(file("the report"));
     let beside = report.into_iter().chain(checkpoint.as_deref().map(file("the checkpoint")));

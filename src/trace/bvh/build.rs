@@ -3,7 +3,7 @@
 
 use wide::f32x4;
 
-use super::{Bvh, Child, Item, ItemKind, KIND_NODE, KIND_PACKET, KIND_SOLID, Node};
+use super::{Bvh, Child, Item, ItemKind, KIND_NODE, KIND_PACKET, KIND_SOLID, LEVELS, Node};
 use crate::trace::math::Aabb;
 
 /// How a set of items is divided in two.
@@ -23,7 +23,7 @@ const PACKET: usize = 4;
 pub fn build(mut items: Vec<Item>, split: Split) -> Bvh {
     let mut bvh = Bvh { nodes: vec![], packets: vec![] };
     if !items.is_empty() {
-        add_node(&mut bvh, &mut items, split);
+        add_node(&mut bvh, &mut items, split, 0);
     }
     bvh
 }
@@ -36,16 +36,18 @@ fn is_leaf(items: &[Item]) -> bool {
     items.len() == 1 || items.len() <= PACKET && items.iter().all(|item| item.kind == ItemKind::Triangle)
 }
 
-/// Adds the node over `items` and all below it; returns its index.
-fn add_node(bvh: &mut Bvh, items: &mut [Item], split: Split) -> usize {
+/// Adds the node over `items`, `depth` levels below the root, and all below it; returns its index.
+fn add_node(bvh: &mut Bvh, items: &mut [Item], split: Split, depth: u32) -> usize {
     let index = bvh.nodes.len();
     bvh.nodes.push(Node { bounds: [[f32x4::ZERO; 3]; 2], children: [Child(0); 4] });
     let mut bounds = [[[f32::INFINITY; 4]; 3], [[f32::NEG_INFINITY; 4]; 3]];
-    for (lane, part) in quarters(items, split).into_iter().enumerate() {
+    // Parts of equal number from where on one more level of others could leave too few for the rest.
+    let evenly = 4usize.saturating_pow(LEVELS - 1 - depth) < items.len();
+    for (lane, part) in quarters(items, split, evenly).into_iter().enumerate() {
         let space = bounds_of(part);
         let child = match is_leaf(part) {
             true => add_leaf(bvh, part),
-            false => Child::new(KIND_NODE, add_node(bvh, part, split)),
+            false => Child::new(KIND_NODE, add_node(bvh, part, split, depth + 1)),
         };
         for (corner, place) in bounds.iter_mut().zip([space.min, space.max]) {
             for (lanes, coordinate) in corner.iter_mut().zip(place.iter()) {
@@ -69,11 +71,13 @@ fn add_leaf(bvh: &mut Bvh, items: &[Item]) -> Child {
 }
 
 /// Divides `items` into up to four parts: the part with the largest surface is divided next. Where that
-/// leaves room, leaves of several triangles are divided too: their boxes are tested for free.
-fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
+/// leaves room, leaves of several triangles are divided too: their boxes are tested for free. If `evenly`,
+/// the part with the most items is divided next, and in the middle.
+fn quarters(items: &mut [Item], split: Split, evenly: bool) -> Vec<&mut [Item]> {
     let mut parts = vec![items];
     while parts.len() < 4 {
-        let rank = |part: &[Item]| (!is_leaf(part), bounds_of(part).half_area());
+        let size = |part: &[Item]| if evenly { part.len() as f32 } else { bounds_of(part).half_area() };
+        let rank = |part: &[Item]| (!is_leaf(part), size(part));
         let divisible = (0..parts.len()).filter(|&i| parts[i].len() > 1);
         let widest = divisible.max_by(|&a, &b| {
             let (a, b) = (rank(parts[a]), rank(parts[b]));
@@ -82,8 +86,8 @@ fn quarters(items: &mut [Item], split: Split) -> Vec<&mut [Item]> {
         let Some(widest) = widest else { break };
         let part = parts.remove(widest);
         let middle = match split {
-            Split::Sah => sah(part),
-            Split::Median => median(part),
+            Split::Sah if !evenly => sah(part),
+            _ => median(part),
         };
         let (left, right) = part.split_at_mut(middle);
         parts.push(left);
@@ -169,4 +173,38 @@ fn partition(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
         }
     }
     middle
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{INDEX_MASK, KIND_SHIFT};
+    use super::*;
+    use crate::trace::math::Vec3;
+
+    /// Sizes that grow from item to item make every split cut off a few: a tree that is near the depth of
+    /// the search's stack must divide what is left evenly.
+    #[test]
+    fn no_tree_is_deeper_than_the_search_can_go() {
+        let solid = |index: u32| {
+            let end = Vec3::repeat((index as f32 * 0.5).exp2());
+            Item { bounds: Aabb { min: end, max: end * 1.01 }, kind: ItemKind::Solid, index }
+        };
+        let mut items: Vec<Item> = (0..64).map(solid).collect();
+        let mut bvh = Bvh { nodes: vec![], packets: vec![] };
+        add_node(&mut bvh, &mut items, Split::Sah, LEVELS - 3);
+        let mut reached = 0;
+        let mut below = vec![(Child(0), LEVELS - 2)];
+        while let Some((child, level)) = below.pop() {
+            match child.0 >> KIND_SHIFT {
+                KIND_NODE => {
+                    assert!(level <= LEVELS, "level {level}");
+                    let node = &bvh.nodes[(child.0 & INDEX_MASK) as usize];
+                    let real = |lane: &usize| node.bounds[0][0].to_array()[*lane].is_finite();
+                    below.extend((0..4).filter(real).map(|lane| (node.children[lane], level + 1)));
+                }
+                _ => reached += 1,
+            }
+        }
+        assert_eq!(reached, 64);
+    }
 }

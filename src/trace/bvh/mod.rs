@@ -93,7 +93,9 @@ pub struct Bvh {
 
 /// Rounding of the slab test, in favour of hits (Ize 2013).
 const SLAB_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
-/// Entries of the traversal stack: 3 for every level of a tree of 4²⁰ leaves and to spare.
+/// Levels of the deepest tree.
+const LEVELS: u32 = 21;
+/// Entries of the traversal stack: 3 for every level, and a power of two.
 const STACK: usize = 64;
 
 impl Bvh {

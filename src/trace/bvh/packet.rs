@@ -4,6 +4,10 @@ use wide::f32x4;
 
 use crate::trace::math::{Ray, Vec3, dot4, splat};
 
+/// How far outside of its edges a triangle is still met, relative to their length: what rounding would let
+/// through between two triangles of one large face.
+const EDGE_SLACK: f32 = 4.0 * f32::EPSILON;
+
 /// Four triangles, each a corner and two edges; an unused lane has no extent and is never hit.
 #[derive(Debug, Clone)]
 pub struct Packet {
@@ -55,7 +59,8 @@ impl Packet {
         let u = dot4(&from_corner, &p) * inverse;
         let v = dot4(&direction, &q) * inverse;
         let t = dot4(e2, &q) * inverse;
-        let inside = u.simd_ge(f32x4::ZERO) & v.simd_ge(f32x4::ZERO) & (u + v).simd_le(f32x4::ONE);
+        let (least, most) = (f32x4::splat(-EDGE_SLACK), f32x4::splat(1.0 + EDGE_SLACK));
+        let inside = u.simd_ge(least) & v.simd_ge(least) & (u + v).simd_le(most);
         let hit = inside & t.simd_gt(f32x4::ZERO) & t.simd_lt(f32x4::splat(t_max));
         let mut lanes = hit.to_bitmask();
         if lanes == 0 {

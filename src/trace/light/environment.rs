@@ -56,6 +56,7 @@ impl Environment {
         let sample = |direction, radiance, pdf| LightSample {
             direction,
             distance: f32::INFINITY,
+            end: None,
             radiance,
             pdf,
             delta: false,

@@ -58,6 +58,9 @@ pub struct LightSample {
     pub direction: Vec3,
     /// How far away it is; infinite for distant lights.
     pub distance: f32,
+    /// Where a ray to the light ends: just off its surface, so that it does not meet that; none for
+    /// distant lights.
+    pub end: Option<Vec3>,
     /// Radiance; for lights that have a single direction, irradiance.
     pub radiance: Vec3,
     /// Density over solid angle; 1 where the light has a single direction.
@@ -80,6 +83,7 @@ impl Light {
             Light::Directional { direction, irradiance } => Some(LightSample {
                 direction: -*direction,
                 distance: f32::INFINITY,
+                end: None,
                 radiance: *irradiance,
                 pdf: 1.0,
                 delta: true,
@@ -119,6 +123,7 @@ fn from_point(position: Vec3, from: Vec3, intensity: Vec3) -> LightSample {
     LightSample {
         direction: way / distance,
         distance,
+        end: Some(position),
         radiance: intensity / (distance * distance),
         pdf: 1.0,
         delta: true,

@@ -84,6 +84,7 @@ pub fn scene(value: &Value, text: &str, folder: &Path, split: Split) -> Result<S
         moving_shapes: builder.moving,
         instances: builder.instances,
         fingerprint: files::hash(builder.files.fingerprint, text.as_bytes()),
+        files: builder.files.paths,
     })
 }
 
@@ -159,9 +160,15 @@ impl<'a> Builder<'a> {
     fn shape(&mut self, node: &Node<'a>, object: &Object<'a>, top: bool) -> Result<Pieces> {
         let outline = outline(object, &mut self.files)?;
         let (start, end) = placing(object)?;
-        let radiance = object.or("emission", Vec3::zeros(), |node| node.color(f64::INFINITY))?;
+        let emission = object.get("emission");
+        let radiance = emission.as_ref().map_or(Ok(Vec3::zeros()), Node::radiance)?;
         let material = self.material(object, radiance)?;
-        let group = object.get("group").map(|node| node.string()).transpose()?;
+        let group = light::group(object)?;
+        if let (Some(name), None) = (group, &emission) {
+            let error =
+                node.error(format!("the light group '{name}' is given to a shape without 'emission'"));
+            return Err(error.remedy("give it an 'emission', or leave 'group' out"));
+        }
         let index = self.shapes.len() as u32;
         let info = ShapeInfo { material, radiance, emitter: None, group: 0 };
         self.shapes.push(info);

@@ -1,10 +1,11 @@
 //! The camera from JSON.
 
 use super::json::{Node, Object};
+use super::transform::check_motion;
 use crate::error::Result;
 use crate::image::Rect;
 use crate::trace::camera::{Camera, Filter};
-use crate::trace::math::Vec3;
+use crate::trace::math::{Vec3, direction};
 use crate::trace::transform::Affine;
 
 const MAX_SIDE: u64 = 1 << 15; // pixel numbers fit into 32 bits
@@ -12,13 +13,14 @@ const MAX_SIDE: u64 = 1 << 15; // pixel numbers fit into 32 bits
 /// The camera at `node`.
 pub fn camera(node: &Node) -> Result<Camera> {
     let object = node.object()?;
-    let to_world = look_at(node, &object)?;
+    let start = look_at(node, &object)?;
     let to_world_end = match object.get("end") {
         None => None,
         Some(end) => {
             let view = end.object()?;
             let to_world = look_at(&end, &view)?;
             view.done()?;
+            check_motion(&end, &start, &to_world)?;
             Some(to_world)
         }
     };
@@ -39,7 +41,7 @@ pub fn camera(node: &Node) -> Result<Camera> {
     };
     let filters = [("box", Filter::Box), ("tent", Filter::Tent), ("gaussian", Filter::Gaussian)];
     let camera = Camera {
-        to_world,
+        to_world: start,
         to_world_end,
         tan_half_fov: (degrees.to_radians() / 2.0).tan(),
         resolution,
@@ -55,7 +57,7 @@ pub fn camera(node: &Node) -> Result<Camera> {
 fn look_at(node: &Node, object: &Object) -> Result<Affine> {
     let (origin, target) = (object.need("origin")?.vec3()?, object.need("target")?.vec3()?);
     let up = object.or("up", Vec3::y(), Node::unit)?;
-    let forward = (target - origin).try_normalize(0.0);
+    let forward = direction(target.cast() - origin.cast());
     let right = forward.and_then(|forward| forward.cross(&up).try_normalize(1e-6));
     let (Some(forward), Some(right)) = (forward, right) else {
         let error = node.error("the camera has no direction");

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use super::json::Node;
 use crate::error::Result;
-use crate::trace::math::Vec3;
+use crate::trace::math::{Vec3, direction};
 use crate::trace::texture::Picture;
 
 /// A mesh as its file has it.
@@ -34,6 +34,8 @@ pub struct Files {
     folder: PathBuf,
     meshes: HashMap<PathBuf, Arc<Mesh>>,
     pictures: HashMap<(PathBuf, bool), Arc<Picture>>,
+    /// Everything that was read.
+    pub paths: Vec<PathBuf>,
     /// Running hash of everything that was read.
     pub fingerprint: u64,
 }
@@ -51,6 +53,7 @@ impl Files {
             folder: folder.into(),
             meshes: HashMap::new(),
             pictures: HashMap::new(),
+            paths: vec![],
             fingerprint: FNV_OFFSET,
         }
     }
@@ -62,6 +65,7 @@ impl Files {
                 .remedy("paths are relative to the scene's folder")
         })?;
         self.fingerprint = hash(self.fingerprint, &bytes);
+        self.paths.push(path.clone());
         Ok((path, bytes))
     }
 
@@ -103,8 +107,15 @@ fn parse_obj(bytes: &[u8]) -> std::result::Result<Mesh, String> {
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
         .map_err(|error| format!("is no readable OBJ mesh: {error}"))?;
-    if models.iter().any(|model| !model.mesh.positions.iter().all(|x| x.is_finite())) {
-        return Err("has a vertex whose place is no finite number".into());
+    let numbers: [(&str, fn(&tobj::Mesh) -> &[f32]); 3] = [
+        ("place is", |mesh| &mesh.positions),
+        ("normal is", |mesh| &mesh.normals),
+        ("texture coordinate is", |mesh| &mesh.texcoords),
+    ];
+    for (what, numbers) in numbers {
+        if models.iter().any(|model| !numbers(&model.mesh).iter().all(|x| x.is_finite())) {
+            return Err(format!("has a vertex whose {what} no finite number"));
+        }
     }
     let mesh = Mesh { triangles: models.iter().flat_map(|model| triangles(&model.mesh)).collect() };
     match mesh.triangles.is_empty() {
@@ -126,7 +137,7 @@ fn triangles(mesh: &tobj::Mesh) -> Vec<[Corner; 3]> {
         });
         Some(Corner {
             position: vector(&mesh.positions, mesh.indices[k])?,
-            normal: normal.and_then(|n| n.try_normalize(0.0)),
+            normal: normal.and_then(|n| direction(n.cast())),
             uv: uv.unwrap_or_default(),
         })
     };

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use serde_json::{Map, Value};
 
 use crate::error::{Error, ErrorKind, Result};
-use crate::trace::math::Vec3;
+use crate::trace::math::{Vec3, direction};
 
 /// A value and its path.
 #[derive(Debug, Clone)]
@@ -139,8 +139,8 @@ impl<'a> Node<'a> {
 
     /// A direction other than zero, made of unit length.
     pub fn unit(&self) -> Result<Vec3> {
-        let v = self.vec3()?;
-        v.try_normalize(0.0).ok_or_else(|| self.error("the direction is zero").remedy("give a direction"))
+        let unit = direction(self.numbers::<3>()?.into());
+        unit.ok_or_else(|| self.error("the direction is zero").remedy("give a direction"))
     }
 
     /// Linear RGB, or one number for all three; every channel from 0 to `greatest`.
@@ -152,6 +152,11 @@ impl<'a> Node<'a> {
         list.ok_or_else(|| self.expected("a colour [r, g, b] or one number"))?;
         let channels = self.list()?.iter().map(|c| c.number_in(0.0, greatest)).collect::<Result<Vec<_>>>()?;
         Ok(Vec3::new(channels[0], channels[1], channels[2]))
+    }
+
+    /// Radiance or irradiance per channel: its square, of which variances are made, stays single precision.
+    pub fn radiance(&self) -> Result<Vec3> {
+        self.color(1e15)
     }
 
     /// One of several names.

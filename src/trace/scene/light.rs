@@ -3,12 +3,17 @@
 use nalgebra::{Rotation3, Vector3};
 
 use super::files::Files;
-use super::json::Node;
+use super::json::{Node, Object};
 use crate::error::Result;
+use crate::trace::film::feature_names;
 use crate::trace::light::{Environment, Light};
-use crate::trace::math::{Aabb, Vec3};
+use crate::trace::math::{Aabb, Vec3, direction};
 use crate::trace::medium::Medium;
 use crate::trace::texture::Picture;
+
+/// Extinction whose free paths, and whose products with them, are finite.
+const LEAST_EXTINCTION: f32 = 1e-20;
+const MOST_EXTINCTION: f64 = 1e20;
 
 #[derive(Clone, Copy)]
 enum Kind {
@@ -25,19 +30,17 @@ pub fn light<'a>(node: &Node<'a>) -> Result<(Light, Option<&'a str>)> {
         ("spot", Kind::Spot),
         ("directional", Kind::Directional),
     ])?;
-    let color = |key| object.need(key)?.color(f64::INFINITY);
+    let intensity = || object.need("intensity")?.color(f64::INFINITY);
     let light = match kind {
-        Kind::Point => {
-            Light::Point { position: object.need("position")?.vec3()?, intensity: color("intensity")? }
-        }
+        Kind::Point => Light::Point { position: object.need("position")?.vec3()?, intensity: intensity()? },
         Kind::Directional => Light::Directional {
             direction: object.need("direction")?.unit()?,
-            irradiance: color("irradiance")?,
+            irradiance: object.need("irradiance")?.radiance()?,
         },
         Kind::Spot => {
             let position = object.need("position")?.vec3()?;
             let target = object.need("target")?;
-            let axis = (target.vec3()? - position).try_normalize(0.0);
+            let axis = direction(target.vec3()?.cast() - position.cast());
             let axis = axis.ok_or_else(|| {
                 target.error("the spot light has no direction").remedy("put 'target' away from 'position'")
             });
@@ -51,10 +54,10 @@ pub fn light<'a>(node: &Node<'a>) -> Result<(Light, Option<&'a str>)> {
                 Err(error.remedy("leave room for the falloff between them"))
             })?;
             let (beam, cutoff) = (beam_angle.to_radians(), cutoff_angle.to_radians());
-            Light::Spot { position, axis: axis?, intensity: color("intensity")?, beam, cutoff }
+            Light::Spot { position, axis: axis?, intensity: intensity()?, beam, cutoff }
         }
     };
-    let group = object.get("group").map(|node| node.string()).transpose()?;
+    let group = group(&object)?;
     object.done()?;
     Ok((light, group))
 }
@@ -64,10 +67,10 @@ pub fn environment<'a>(node: &Node<'a>, files: &mut Files) -> Result<(Light, Opt
     let object = node.object()?;
     let constant = object.need("type")?.choice(&[("constant", true), ("map", false)])?;
     let environment = match constant {
-        true => Environment::Constant(object.need("radiance")?.color(f64::INFINITY)?),
+        true => Environment::Constant(object.need("radiance")?.radiance()?),
         false => {
             let picture = files.picture(&object.need("file")?, false)?;
-            let scale = object.or("scale", 1.0, |node| node.number_in(0.0, f64::INFINITY))?;
+            let scale = object.or("scale", 1.0, |node| node.number_in(0.0, 1e15))?;
             let angle = object.or("rotate", 0.0, Node::number)?.to_radians() as f32;
             let scaled =
                 Picture { texels: picture.texels.iter().map(|t| t * scale).collect(), ..(*picture).clone() };
@@ -75,7 +78,7 @@ pub fn environment<'a>(node: &Node<'a>, files: &mut Files) -> Result<(Light, Opt
             Environment::map(scaled, to_map.into_inner())
         }
     };
-    let group = object.get("group").map(|node| node.string()).transpose()?;
+    let group = group(&object)?;
     object.done()?;
     Ok((Light::Environment(environment), group))
 }
@@ -85,15 +88,16 @@ pub fn medium(node: &Node) -> Result<Medium> {
     let object = node.object()?;
     let extinction = object.need("extinction")?;
     let medium = Medium {
-        extinction: extinction.color(f64::INFINITY)?,
+        extinction: extinction.color(MOST_EXTINCTION)?,
         albedo: object.need("albedo")?.color(1.0)?,
         anisotropy: object.or("anisotropy", 0.0, |node| node.number_in(-0.99, 0.99))?,
         bounds: object.get("bounds").map(|node| bounds(&node)).transpose()?,
     };
     object.done()?;
-    if medium.extinction.min() <= 0.0 {
-        let error = extinction.error("the extinction is 0 in some channel");
-        return Err(error.remedy("give a positive extinction, or leave the medium out"));
+    if medium.extinction.min() < LEAST_EXTINCTION {
+        let error =
+            extinction.error(format!("the extinction is less than {LEAST_EXTINCTION:e} in some channel"));
+        return Err(error.remedy("give a larger extinction, or leave the medium out"));
     }
     Ok(medium)
 }
@@ -106,4 +110,25 @@ fn bounds(node: &Node) -> Result<Aabb> {
         return Ok(Aabb { min, max });
     }
     Err(node.error("the box is empty").remedy("make every coordinate of 'min' less than that of 'max'"))
+}
+
+/// The name of the light group at `object`, which becomes a layer of the picture.
+pub fn group<'a>(object: &Object<'a>) -> Result<Option<&'a str>> {
+    /// Layers that the picture has besides: those of features, with what is told of their errors, and others.
+    const OWN: [&str; 5] = ["variance", "halfA", "motionPrevious", "motionNext", "sampleCount"];
+    const MOST_BYTES: usize = 200; // a channel's name has up to 255
+    let Some(node) = object.get("group") else { return Ok(None) };
+    let name = node.string()?;
+    let feature = ["Variance", "HalfA"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
+    let what = if name.is_empty() || name.chars().any(|c| c.is_control() || u32::from(c) > 0xff) {
+        "is no name that a layer can have"
+    } else if name.len() > MOST_BYTES {
+        "is too long for a layer's name"
+    } else if OWN.contains(&name) || feature_names().any(|own| own == feature) {
+        "is the name of another layer of the picture"
+    } else {
+        return Ok(Some(name));
+    };
+    let error = node.error(format!("'{}' {what}", name.escape_debug()));
+    Err(error.remedy(format!("name the group otherwise, with up to {MOST_BYTES} Latin-1 letters")))
 }

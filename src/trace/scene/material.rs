@@ -54,7 +54,10 @@ pub fn material(node: &Node, files: &mut Files) -> Result<Material> {
 }
 
 fn roughness(object: &Object) -> Result<f32> {
-    object.or("roughness", 0.0, |node| node.number_in(0.0, 1.0))
+    /// Facets as even as this leave single precision: they are a smooth surface.
+    const SMOOTH: f32 = 1e-5;
+    let roughness = object.or("roughness", 0.0, |node| node.number_in(0.0, 1.0))?;
+    Ok(if roughness < SMOOTH { 0.0 } else { roughness })
 }
 
 fn eta(object: &Object, default: f32) -> Result<f32> {

@@ -3,6 +3,7 @@
 
 mod build;
 mod camera;
+mod document;
 mod files;
 mod json;
 mod light;
@@ -10,7 +11,7 @@ mod material;
 mod shape;
 mod transform;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::bsdf::Material;
 use super::bvh::Split;
@@ -48,6 +49,7 @@ pub struct Scene {
     pub(super) moving_shapes: usize,
     pub(super) instances: usize,
     fingerprint: u64,
+    files: Vec<PathBuf>,
 }
 
 impl Scene {
@@ -57,10 +59,11 @@ impl Scene {
     /// When the file, or one that it names, cannot be read or makes no sense.
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path).map_err(|error| {
-            let error = Error::new(ErrorKind::Unreadable, format!("the scene cannot be read: {error}"));
-            error.in_file(path).remedy("check the path")
-        })?;
+        let unreadable = |what, remedy| Error::new(ErrorKind::Unreadable, what).in_file(path).remedy(remedy);
+        let bytes = std::fs::read(path)
+            .map_err(|error| unreadable(format!("the scene cannot be read: {error}"), "check the path"))?;
+        let text = String::from_utf8(bytes)
+            .map_err(|_| unreadable("the scene is no text in UTF-8".into(), "save it in that encoding"))?;
         let folder = path.parent().unwrap_or(Path::new("."));
         Self::parse(&text, folder).map_err(|error| error.in_file(path))
     }
@@ -78,7 +81,7 @@ impl Scene {
     /// # Errors
     /// When `text`, or a file that it names, cannot be read or makes no sense.
     pub fn parse_with(text: &str, folder: &Path, split: Split) -> Result<Self> {
-        let value = serde_json::from_str(text).map_err(|error| {
+        let value = document::parse(text.trim_start_matches('\u{feff}')).map_err(|error| {
             Error::new(ErrorKind::Unreadable, format!("not valid JSON: {error}")).remedy("correct it there")
         })?;
         build::scene(&value, text, folder, split)
@@ -92,6 +95,11 @@ impl Scene {
     /// A hash of the scene and the files it names: a checkpoint of another scene is not continued.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
+    }
+
+    /// The files that the scene file names, as they were opened.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     /// The names of the light groups.

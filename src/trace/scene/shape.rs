@@ -111,7 +111,9 @@ impl Outline {
         if let Outline::Rectangle = self {
             let column = |i: usize| to_world.linear.column(i) * 2.0;
             let corner = to_world.point(Vec3::new(-1.0, -1.0, 0.0));
-            return AreaShape::Parallelogram([corner, column(0), column(1), pieces.triangles[0].normal()]);
+            let normal = pieces.triangles[0].normal();
+            let error = pieces.triangles.iter().map(Triangle::error).fold(0.0, f32::max);
+            return AreaShape::Parallelogram { corner, edges: [column(0), column(1)], normal, error };
         }
         let areas: Vec<f32> = pieces.triangles.iter().map(Triangle::area).collect();
         AreaShape::Triangles(pieces.triangles.clone(), Distribution::new(&areas))
@@ -143,20 +145,13 @@ fn triangle(
     shape: u32,
 ) -> Triangle {
     let normal_map = to_world.linear.try_inverse().unwrap_or_else(Matrix3::identity).transpose();
-    let mut triangle = Triangle {
-        corners: corners.map(|p| to_world.point(p)),
-        normals: normals.map(|n| n.map(|n| (normal_map * n).normalize())),
-        uv,
+    let order = if to_world.linear.determinant() < 0.0 { [0, 2, 1] } else { [0, 1, 2] };
+    Triangle::new(
+        order.map(|i| to_world.point(corners[i])),
+        normals.map(|n| order.map(|i| (normal_map * n[i]).normalize())),
+        order.map(|i| uv[i]),
         shape,
-    };
-    if to_world.linear.determinant() < 0.0 {
-        triangle.corners.swap(1, 2);
-        triangle.uv.swap(1, 2);
-        if let Some(normals) = &mut triangle.normals {
-            normals.swap(1, 2);
-        }
-    }
-    triangle
+    )
 }
 
 /// The square from −1 to 1, placed by `face` and then by `to_world`.

@@ -6,7 +6,8 @@ use super::json::Node;
 use crate::error::Result;
 use crate::trace::transform::Affine;
 
-/// Least determinant, relative to the product of the columns' lengths, that counts as invertible.
+/// Least determinant that counts as invertible, relative to the product of the columns' lengths or, in a
+/// motion, to the lesser one of its ends.
 const LEAST_VOLUME: f64 = 1e-9;
 
 fn vector(node: &Node) -> Result<Vector3<f64>> {
@@ -68,9 +69,10 @@ pub fn affine(node: &Node) -> Result<Affine> {
 /// Checks that the motion from `start` to `end` is invertible at every moment.
 pub fn check_motion(node: &Node, start: &Affine, end: &Affine) -> Result<()> {
     const MOMENTS: usize = 64; // the determinant is a cubic in time: it cannot hide between these
-    let determinant = |i: usize| start.blend(end, i as f32 / MOMENTS as f32).linear.determinant();
-    let sign = determinant(0).signum();
-    if (0..=MOMENTS).all(|i| determinant(i) * sign > 0.0) {
+    let determinant = |i: usize| f64::from(start.blend(end, i as f32 / MOMENTS as f32).linear.determinant());
+    let (first, last) = (determinant(0), determinant(MOMENTS));
+    let least = LEAST_VOLUME * first.abs().min(last.abs());
+    if (0..=MOMENTS).all(|i| determinant(i) * first.signum() > least) {
         return Ok(());
     }
     let error = node.error("the motion passes through a singular transform");
