@@ -26,10 +26,12 @@ described! {
     #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
     #[serde(default, deny_unknown_fields)]
     pub struct Options {
-        /// Radius of the windows Ω_c in pixels; 7 is 15×15.
+        /// Radius of the windows Ω_c in pixels; 7 is 15×15. `[choice]` 6 against 7: relMSE ×1.010 on five
+        /// scenes, ×1.014 on thirteen others (16 to 256 spp); 8 is in [`Self::best`].
         #[range(1..=MAX_WINDOW_RADIUS)]
         pub window_radius: usize,
-        /// Distance between the centres of the grid in pixels; 1 puts a centre on every pixel.
+        /// Distance between the centres of the grid in pixels; 1 puts a centre on every pixel. `[choice]` 3 against 4:
+        /// relMSE ×1.010 on five scenes, ×1.006 on thirteen others (16 to 256 spp).
         #[range(1..=15)]
         pub center_spacing: usize,
         /// Summed weight that a pixel needs from the fits around it, else it becomes a centre itself. `[choice]` of 1,
