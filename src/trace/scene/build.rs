@@ -165,6 +165,7 @@ impl<'a> Builder<'a> {
         let material = self.material(object, radiance)?;
         let group = light::group(object)?;
         if let (Some(name), None) = (group, &emission) {
+            object.done()?; // before an 'emission' is missed that has not its right name
             let error =
                 node.error(format!("the light group '{name}' is given to a shape without 'emission'"));
             return Err(error.remedy("give it an 'emission', or leave 'group' out"));

@@ -107,14 +107,11 @@ fn parse_obj(bytes: &[u8]) -> std::result::Result<Mesh, String> {
     let no_materials = |_: &Path| Ok(Default::default());
     let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
         .map_err(|error| format!("is no readable OBJ mesh: {error}"))?;
-    let numbers: [(&str, fn(&tobj::Mesh) -> &[f32]); 3] = [
-        ("place is", |mesh| &mesh.positions),
-        ("normal is", |mesh| &mesh.normals),
-        ("texture coordinate is", |mesh| &mesh.texcoords),
-    ];
-    for (what, numbers) in numbers {
-        if models.iter().any(|model| !numbers(&model.mesh).iter().all(|x| x.is_finite())) {
-            return Err(format!("has a vertex whose {what} no finite number"));
+    for mesh in models.iter().map(|model| &model.mesh) {
+        let numbers =
+            [("place", &mesh.positions), ("normal", &mesh.normals), ("texture coordinate", &mesh.texcoords)];
+        if let Some((what, _)) = numbers.iter().find(|(_, values)| !values.iter().all(|x| x.is_finite())) {
+            return Err(format!("has a vertex whose {what} is no finite number"));
         }
     }
     let mesh = Mesh { triangles: models.iter().flat_map(|model| triangles(&model.mesh)).collect() };
