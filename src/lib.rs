@@ -114,5 +114,5 @@ pub mod trace;
 pub use denoise::{Neighbours, Observer, Silent, denoise, denoise_in_sequence};
 pub use error::{Error, ErrorKind, Result};
 pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Motion, Summary};
-pub use image::{Plane, Rgb};
+pub use self::image::{Plane, Rgb};
 pub use options::{Kernel, Options};

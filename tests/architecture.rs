@@ -18,7 +18,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("io", &["error", "image", "frame", "likeness"]),
     ("report", &["error", "image", "tone", "metrics"]),
     ("trace", &["error", "image", "frame"]),
-    ("sampling", &["error", "image", "frame"]),
+    ("sampling", &["error", "image", "frame", "metrics"]),
     // The rounds of a render: the one place that knows both the tracer and the denoiser.
     ("adaptive", &["error", "image", "frame", "options", "denoise", "sampling", "trace"]),
     ("lib", &[]),

@@ -37,6 +37,7 @@ pub fn prepare<'a>(
     let known = own.known();
     let (mut clean, removed) = without_outliers(frame, &known, facts.exposure(), part, options, log);
     let variance = variance::of_mean(&mut clean, &mut log.summary);
+    clean.halves = None; // they have told all that they know, and are six planes
     log.begin(Stage::Prefilter);
     let design = Design::of(std::mem::take(&mut clean.features), facts, &known, options, log);
     let motion = clean.motion.take();

@@ -26,14 +26,12 @@ pub const RESIDUAL_RADIUS: usize = 2;
 /// relMSE ×1.02, ×1 and ×0.99, with the last one fine detail came out worse than it went in.
 const RESIDUAL_GAIN: f32 = 1.25;
 
-/// The variance of the mean of `clean`'s colour, which gives up its own and its halves, six planes, with a note in
-/// `summary` on how it was had.
+/// The variance of the mean of `clean`'s colour, which gives up its own, with a note in `summary` on how it was had.
 pub fn of_mean(clean: &mut Clean<'_>, summary: &mut Summary) -> Rgb {
-    let halves = clean.halves.take();
     if let Some(variance) = clean.variance.take() {
         return variance;
     }
-    if let Some([a, b]) = &halves {
+    if let Some([a, b]) = &clean.halves {
         summary.notes.push("variance: from the half buffers, averaged over 7×7 pixels".into());
         return std::array::from_fn(|c| {
             let mut squares = from_halves(&a[c], &b[c]);
