@@ -111,8 +111,8 @@ pub mod tone;
 #[cfg(feature = "trace")]
 pub mod trace;
 
+pub use self::image::{Plane, Rgb};
 pub use denoise::{Neighbours, Observer, Silent, denoise, denoise_in_sequence};
 pub use error::{Error, ErrorKind, Result};
 pub use frame::{Aov, Denoised, Feature, FeatureKind, Frame, Motion, Summary};
-pub use self::image::{Plane, Rgb};
 pub use options::{Kernel, Options};

@@ -6,12 +6,11 @@
 //! got any have the same, which is n_i = (E_i n_i^α)^{1/(1+α)}·λ with the one λ that spends the budget.
 //!
 //! E is the denoiser's own estimate of its error. The paper ranks by the fits' risk ξ/(ŷ² + ε), which is too sure of itself
-//! where the fits are wrong; its geometric mean with the input's noise was better, the estimate of
-//! [`crate::denoise`] is better than both: ADAPT
+//! where the fits are wrong (see `denoise/confidence.rs`).
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Denoised;
-use crate::image::Plane;
+use crate::image::{Plane, Rgb};
 use crate::metrics::REL_MSE_EPSILON;
 
 /// Options of the allocation.
@@ -38,11 +37,15 @@ impl Default for SamplingOptions {
 
 /// The estimated relative squared error (as in relMSE) of every pixel, ≥ 0; 0 everywhere where the method has no estimate.
 pub fn relative_error(denoised: &Denoised) -> Plane {
-    let (width, height) = denoised.mse.size();
+    relative(&denoised.color, |_, x, y| denoised.mse.get(x, y))
+}
+
+/// The `squares` of a picture's channels, pixel by pixel, relative to its light as in relMSE: mean over the channels.
+pub(crate) fn relative(picture: &Rgb, squares: impl Fn(usize, usize, usize) -> f32 + Sync) -> Plane {
+    let (width, height) = picture[0].size();
     Plane::par_from_fn(width, height, |x, y| {
-        let light = denoised.color.iter().map(|plane| plane.get(x, y).powi(2));
-        let relative = light.map(|light| (light + REL_MSE_EPSILON as f32).recip()).sum::<f32>() / 3.0;
-        denoised.mse.get(x, y) * relative
+        let light = picture.iter().map(|plane| plane.get(x, y).powi(2) + REL_MSE_EPSILON as f32);
+        light.enumerate().map(|(c, light)| squares(c, x, y) / light).sum::<f32>() / 3.0
     })
 }
 

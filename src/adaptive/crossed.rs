@@ -15,28 +15,44 @@
 //! standard deviation); least on fine texture, which half the resolution does not show (foliage 0.23).
 
 use crate::denoise::denoise;
-use crate::denoise::variance::half_difference_squared;
+use crate::denoise::variance::{half_difference_squared, smooth};
 use crate::error::Result;
 use crate::frame::{Feature, FeatureKind, Frame};
 use crate::image::{Plane, Rgb};
 use crate::options::{Kernel, Options};
-use crate::sampling::relative_error;
+use crate::sampling::{relative, relative_error};
 
 /// Pixels along a side of a block.
 const BLOCK: usize = 2;
 
+/// That share. `[choice]` the mean is 4.0 times the true error after 8 samples and 1.8 times after 32, within a factor of 3
+/// (one deviation over thirteen scenes).
+const CALIBRATION: f32 = 0.4;
+
+/// Radius over which the noise is averaged: a pixel's own is as noisy as the pixel.
+const NOISE_RADIUS: usize = 2;
+
 /// The features that the fit uses.
 const KINDS: [FeatureKind; 3] = [FeatureKind::Albedo, FeatureKind::Normal, FeatureKind::Depth];
 
-/// The estimated relative squared error (as in relMSE, ε = 0.01) of every pixel of `frame`, were it denoised.
-/// Finite and ≥ 0.
+/// The estimated relative squared error (as in relMSE, ε = 0.01) of every pixel of `frame`, were it denoised; finite
+/// and ≥ 0. Where the noise is known it is a share of the geometric mean of that and of the sparse fit's estimate. `[choice]`
+/// relMSE after 32 samples in rounds against uniform ones, geometric mean over thirteen scenes: ×0.81 (worst 1.04) by this,
+/// ×0.83 (1.08) by the error alone, ×0.83 (1.06) by error^¼ noise^¾.
 ///
 /// # Errors
 /// When the frame has no pixel.
 pub fn crossed_error(frame: &Frame) -> Result<Plane> {
     let estimate = |colour: usize| -> Result<Plane> {
         let half = one_colour(frame, colour)?;
-        Ok(relative_error(&denoise(&half, &quick())?))
+        let denoised = denoise(&half, &quick())?;
+        let mut error = relative_error(&denoised);
+        if let Some(variance) = half.color_var_of_mean() {
+            let mut noise = relative(&denoised.color, |c, x, y| variance[c].get(x, y));
+            noise.change(|noise| if noise > 0.0 && noise.is_finite() { noise } else { 0.0 });
+            error.combine(&smooth(&noise, NOISE_RADIUS), |error, noise| CALIBRATION * (error * noise).sqrt());
+        }
+        Ok(error)
     };
     let of = [estimate(0)?, estimate(1)?];
     Ok(Plane::par_from_fn(frame.width(), frame.height(), |x, y| {
