@@ -3,9 +3,9 @@
 //!
 //! A [`Frame`] goes in, a [`Denoised`] comes out, and [`denoise()`] is the pipeline:
 //!
-//! 1. repair NaN and infinities, bring the picture to a known exposure, estimate its noise where none is given;
+//! 1. repair NaN and infinities, bring the picture to a known exposure;
 //! 2. take outliers out and remember their energy;
-//! 3. filter noisy features;
+//! 3. estimate the noise where none is given, filter noisy features;
 //! 4. around sparse centres fit a polynomial in pixel position plus a linear function of the features, by
 //!    weights that compare noisy colours and features; judge every order by its estimated risk;
 //! 5. average the overlapping fits by that risk;

@@ -292,7 +292,7 @@ impl Options {
         }
     }
 
-    /// Larger windows and more centres: relMSE ×0.997 (18 scenes at 16 to 256 spp) in 1.2 to 1.4 times the time.
+    /// Larger windows and more centres: relMSE ×0.999 (18 scenes at 16 to 256 spp) in 1.2 to 1.4 times the time.
     pub fn best() -> Self {
         Self { window_radius: 8, min_coverage: 16.0, ..Self::default() }
     }

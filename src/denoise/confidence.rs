@@ -26,6 +26,9 @@ use crate::image::{Plane, Rgb, mean_of_channels};
 /// κ.
 const SCALE: f32 = 4.5;
 
+/// Relative squares are no larger than this, so that their products stay in `f32`.
+const LARGEST: f32 = 1e12;
+
 /// Radius over which all is averaged.
 pub const RADIUS: usize = 2;
 
@@ -36,14 +39,15 @@ pub fn estimate(result: &mut Reconstruction, variance: &Rgb, dark_level: f32) {
     let mut light = mean_of_channels(&result.color());
     light.change(|light| light.powi(2) + dark_level.powi(2));
     let relative = |mut plane: Plane| {
-        plane.combine(&light, |squares, light| squares / light);
+        plane.combine(&light, |squares, light| (squares / light).min(LARGEST));
         smooth(&plane, RADIUS) // what a lamp may be wrong by is not the wall's beside it
     };
     let risk = std::mem::replace(&mut result.mse, Plane::filled(0, 0, 0.0));
     let [change, risk, noise] = [change, risk, mean_of_channels(variance)].map(relative);
     result.mse = Plane::par_from_fn(light.width(), light.height(), |x, y| {
         let [change, risk, noise] = [&change, &risk, &noise].map(|plane| plane.get(x, y));
-        (SCALE * light.get(x, y) * (change.powi(3) * risk * noise).powf(0.25)).min(f32::MAX)
+        let error = (change * (change * risk * noise).sqrt()).sqrt(); // the same on all machines, which powers are not
+        (SCALE * light.get(x, y) * error).min(f32::MAX)
     });
 }
 
