@@ -198,6 +198,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
         (2, &[&input, &out, "--threads", "0"], &["--threads"]),
+        (2, &[&input, &out, "--threads", "20000"], &["--threads", "1024"]),
         (2, &[&input, &out, "--profile", "povray"], &["mitsuba", "tungsten"]),
         (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),

@@ -155,7 +155,7 @@ impl Planes {
     fn per_pixel(&self) -> usize {
         let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 4, 1, 1);
         let targets = 3 + self.aovs;
-        let (sums, result) = (targets + 4, targets + 2);
+        let (sums, result) = (targets + 4, targets + 3);
         let filtering = self.all + self.features + albedo + variance + smoothed;
         let read = targets + variance + smoothed + self.features + albedo;
         let fitting = read + 2 * guide + 2 * self.features + pilot + sums + coverage;

@@ -63,7 +63,7 @@ fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(threads) = arguments.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.get());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
     }
     let denoiser = settings::denoiser(arguments)?;

@@ -79,9 +79,9 @@ struct Args {
     /// Seconds between checkpoints.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
-    /// Threads to use; all cores by default. The picture does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
-    threads: Option<u32>,
+    /// Threads to use, at most 1024; all cores by default. The picture does not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
     /// Print which effects the scene calls for, and why, and stop.
     #[arg(long)]
     plan: bool,
@@ -140,7 +140,7 @@ fn run(args: &Args) -> Result<()> {
         return print_plan(&Plan::new(&scene, &options));
     };
     check_files(args, &scene, out)?; // before hours of work, not after
-    let threads = args.threads.unwrap_or(0) as usize;
+    let threads = args.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| {
         let error = Error::new(ErrorKind::Usage, format!("{threads} threads cannot be started: {error}"));
