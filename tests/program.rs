@@ -193,7 +193,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
     std::fs::write(&text, "no picture").unwrap();
     let (missing, nowhere) = (in_folder("missing.exr"), in_folder("no/such/folder/out.exr"));
     let here = folder.path().to_str().unwrap();
-    let cases: [(i32, &[&str], &[&str]); 23] = [
+    let cases: [(i32, &[&str], &[&str]); 24] = [
         (2, &[], &["required"]),
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
