@@ -25,7 +25,7 @@ use crate::sampling::{relative, relative_error};
 /// Pixels along a side of a block.
 const BLOCK: usize = 2;
 
-/// That share. `[choice]` the mean is 4.0 times the true error after 8 samples and 1.8 times after 32, within a factor of 3
+/// The share of the geometric mean that is the error. `[choice]` the mean is 4.0 times the true error after 8 samples and 1.8 times after 32, within a factor of 3
 /// (one deviation over thirteen scenes).
 const CALIBRATION: f32 = 0.4;
 

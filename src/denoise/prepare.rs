@@ -78,10 +78,8 @@ fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>
         last: true,
     };
     let fit = Fits::new(signal, &[], options).stage(&asked, None, &mut Log::new(log.observer));
-    for (c, fit) in fit.targets.iter().enumerate() {
-        signal.variance[c] = variance::from_residual(&signal.targets[c], fit, &signal.variance[c]);
-        signal.smoothed[c] = variance::smooth(&signal.variance[c], options.variance_radius);
-    }
+    let again = |c: usize| variance::from_residual(&signal.targets[c], &fit.targets[c], &signal.variance[c]);
+    signal.set_variance(std::array::from_fn(again), options);
 }
 
 #[cfg(test)]

@@ -214,25 +214,18 @@ impl Sums {
         pilot: Option<Pilot>,
     ) -> Reconstruction {
         let (width, count) = (self.rect.width, targets.len());
+        let mean = |k: usize, x: usize, y: usize, otherwise: &dyn Fn(usize, usize) -> f32| {
+            let pixel = &self.data[(y * width + x) * self.depth..][..self.depth];
+            if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
+        };
         let plane = |k: usize, otherwise: &(dyn Fn(usize, usize) -> f32 + Sync)| {
-            Plane::par_from_fn(width, self.rect.height, |x, y| {
-                let pixel = &self.data[(y * width + x) * self.depth..][..self.depth];
-                if pixel[count] > 0.0 { pixel[k] / pixel[count] } else { otherwise(x, y) }
-            })
+            Plane::par_from_fn(width, self.rect.height, |x, y| mean(k, x, y, otherwise))
         };
         let change = pilot.map(|pilot| {
             Plane::par_from_fn(width, self.rect.height, |x, y| {
-                let pixel = &self.data[(y * width + x) * self.depth..][..self.depth];
-                let now = |c: usize| {
-                    if pixel[count] > 0.0 { pixel[c] / pixel[count] } else { targets[c].get(x, y) }
-                };
-                pilot
-                    .color
-                    .iter()
-                    .enumerate()
-                    .map(|(c, before)| (now(c) - before.get(x, y)).powi(2))
-                    .sum::<f32>()
-                    / 3.0
+                let now = |c: usize| mean(c, x, y, &|x, y| targets[c].get(x, y));
+                let before = pilot.color.iter().map(|plane| plane.get(x, y));
+                before.enumerate().map(|(c, before)| (now(c) - before).powi(2)).sum::<f32>() / 3.0
             })
         });
         Reconstruction {

@@ -26,8 +26,14 @@ pub struct Signal {
 impl Signal {
     /// A signal whose noise is `variance`, which the options tell how to smooth.
     pub fn new(targets: Vec<Plane>, variance: Rgb, design: Design, options: &Options) -> Self {
-        let smoothed = variance.each_ref().map(|plane| variance::smooth(plane, options.variance_radius));
+        let smoothed = smoothed(&variance, options);
         Self { targets, variance, smoothed, design }
+    }
+
+    /// Takes its noise for `variance` from now on.
+    pub fn set_variance(&mut self, variance: Rgb, options: &Options) {
+        self.smoothed = smoothed(&variance, options);
+        self.variance = variance;
     }
 
     /// The noisy colour.
@@ -53,6 +59,10 @@ impl Signal {
             spreads: &self.design.spreads,
         }
     }
+}
+
+fn smoothed(variance: &Rgb, options: &Options) -> Rgb {
+    variance.each_ref().map(|plane| variance::smooth(plane, options.variance_radius))
 }
 
 /// The fits of a signal, stage by stage.

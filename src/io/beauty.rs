@@ -9,7 +9,7 @@ use super::document::Document;
 use super::mapping::Mapping;
 use super::picture::ReadOptions;
 use super::recognize::{detect, layers};
-use super::region::{bounds, numbers, told};
+use super::region::{bounds, numbers, text, told};
 use super::roles::Casting;
 use super::source::{mapped_choices, no_color, told_name};
 use crate::error::{Error, ErrorKind, Result};
@@ -135,10 +135,6 @@ impl Beauty {
 pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
     let beauty = Beauty::find(path, &[])?;
     beauty.read(beauty.window())
-}
-
-fn text(window: [i64; 4]) -> String {
-    window.map(|number| number.to_string()).join(",")
 }
 
 /// The pixels of both windows, where there are any.

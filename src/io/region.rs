@@ -300,7 +300,12 @@ pub(super) fn numbers(bounds: IntegerBounds) -> [i64; 4] {
 
 /// For messages, as `--region` has it.
 pub(super) fn told(bounds: IntegerBounds) -> String {
-    numbers(bounds).map(|number| number.to_string()).join(",")
+    text(numbers(bounds))
+}
+
+/// The same of a window's numbers.
+pub(super) fn text(window: [i64; 4]) -> String {
+    window.map(|number| number.to_string()).join(",")
 }
 
 /// The opposite of [`numbers`], as far as there are such pixels.
