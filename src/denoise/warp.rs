@@ -31,6 +31,8 @@ pub type Vectors = [Plane; 2];
 #[derive(Debug, Clone)]
 pub struct Flow {
     size: (usize, usize),
+    /// Column and row there. Not rounded: what is rounded at every step drifts from frame to frame.
+    at: Vec<[f32; 2]>,
     /// Index of the nearest pixel there.
     places: Vec<usize>,
     /// Whether the place is known and inside the picture.
@@ -41,7 +43,8 @@ impl Flow {
     /// Nothing moves.
     pub fn still(size: (usize, usize)) -> Self {
         let pixels = size.0 * size.1;
-        Self { size, places: (0..pixels).collect(), inside: vec![true; pixels] }
+        let at = (0..pixels).map(|i| [(i % size.0) as f32, (i / size.0) as f32]).collect();
+        Self { size, at, places: (0..pixels).collect(), inside: vec![true; pixels] }
     }
 
     /// Goes one frame further, along `vectors` of the frame in which this flow ends. `back` are the vectors
@@ -49,21 +52,20 @@ impl Flow {
     #[must_use]
     pub fn further(mut self, vectors: &Vectors, back: Option<&Vectors>) -> Self {
         let (width, height) = self.size;
-        for (place, inside) in self.places.iter_mut().zip(&mut self.inside) {
-            let (x, y) = (*place % width, *place / width);
-            let [dx, dy] = vectors.each_ref().map(|plane| plane.get(x, y));
-            let (to_x, to_y) = ((x as f32 + dx).round(), (y as f32 + dy).round());
+        let places = self.places.iter_mut().zip(&mut self.at).zip(&mut self.inside);
+        for ((place, at), inside) in places.filter(|(_, inside)| **inside) {
+            let [dx, dy] = vectors.each_ref().map(|plane| plane.data()[*place]);
+            *at = [at[0] + dx, at[1] + dy];
+            let [x, y] = at.map(f32::round);
             // Written so that NaN is outside.
-            let there = to_x >= 0.0 && to_x < width as f32 && to_y >= 0.0 && to_y < height as f32;
-            if !there {
-                *inside = false;
+            *inside = x >= 0.0 && x < width as f32 && y >= 0.0 && y < height as f32;
+            if !*inside {
                 continue;
             }
-            let (to_x, to_y) = (to_x as usize, to_y as usize);
-            *place = to_y * width + to_x;
-            if let Some([bx, by]) = back {
-                let gap = (dx + bx.get(to_x, to_y)).hypot(dy + by.get(to_x, to_y));
-                *inside &= gap <= LARGEST_GAP;
+            *place = y as usize * width + x as usize;
+            if let Some(back) = back {
+                let [bx, by] = back.each_ref().map(|plane| plane.data()[*place]);
+                *inside = (dx + bx).hypot(dy + by) <= LARGEST_GAP;
             }
         }
         self
@@ -194,9 +196,9 @@ mod tests {
             }
         }
         // Two steps of a half are one of a whole, and NaN leads nowhere.
-        let one = constant([1.0, 0.0]);
-        let two = Flow::still(SIZE).further(&one, None).further(&one, None);
-        assert_eq!(two.warp(&here).get(4, 5), here.get(6, 5));
+        let half = constant([0.5, 0.0]);
+        let two = Flow::still(SIZE).further(&half, None).further(&half, None);
+        assert_eq!(two.warp(&here).get(4, 5), here.get(5, 5));
         assert_eq!(Flow::still(SIZE).further(&constant([f32::NAN, 0.0]), None).trust(), plane(|_, _| 0.0));
         // Twice as near: every pixel there is four here, which count for one.
         let half = |at: usize| (at / 2) as f32 - at as f32;
