@@ -94,6 +94,7 @@ pub struct Frame {
     pub(crate) features: Vec<Feature>,
     pub(crate) aovs: Vec<Aov>,
     pub(crate) motion: Option<Motion>,
+    origin: (i32, i32),
     spp: Option<f32>,
 }
 
@@ -114,6 +115,8 @@ impl From<Frame> for Cow<'_, Frame> {
 pub(crate) struct Outline {
     /// Width and height.
     pub size: (usize, usize),
+    /// Column and row of the first pixel.
+    pub origin: (i32, i32),
     /// The features' names, what they describe, and how many planes each has.
     pub features: Vec<(String, FeatureKind, usize)>,
     /// The AOVs' names.
@@ -133,6 +136,7 @@ impl Frame {
             features: vec![],
             aovs: vec![],
             motion: None,
+            origin: (0, 0),
             spp: None,
         };
         if frame.width() == 0 || frame.height() == 0 {
@@ -216,6 +220,14 @@ impl Frame {
         Ok(self)
     }
 
+    /// States the column and row of the first pixel in a picture that is larger, as a data window does: where the
+    /// windows of a sequence follow something, the frames beside are found by it.
+    #[must_use]
+    pub fn with_origin(mut self, origin: (i32, i32)) -> Self {
+        self.origin = origin;
+        self
+    }
+
     /// States the samples per pixel.
     #[must_use]
     pub fn with_spp(mut self, spp: f32) -> Self {
@@ -263,10 +275,16 @@ impl Frame {
         self.motion.as_ref()
     }
 
+    /// Column and row of the first pixel; 0, 0 where nothing else was said.
+    pub fn origin(&self) -> (i32, i32) {
+        self.origin
+    }
+
     pub(crate) fn outline(&self) -> Outline {
         let feature = |feature: &Feature| (feature.name.clone(), feature.kind, feature.planes.len());
         Outline {
             size: (self.width(), self.height()),
+            origin: self.origin,
             features: self.features.iter().map(feature).collect(),
             aovs: self.aovs.iter().map(|aov| aov.name.clone()).collect(),
         }

@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use crate::exr_files::{float, layer, scan_lines, values, write_one};
 use apr::denoise::Silent;
-use apr::image::{Plane, Rgb};
-use apr::io::{FrameHeader, write_frame};
+use apr::image::{Plane, Rect, Rgb};
+use apr::io::{FrameHeader, Picture, ReadOptions, Survey, write_frame};
 use apr::{Denoised, Feature, FeatureKind, Frame, Motion, Neighbours, Options, denoise, denoise_in_sequence};
 use assert_cmd::Command;
+use exr::prelude::Compression;
 use serde_json::Value;
 
 const SIZE: (usize, usize) = (48, 36);
@@ -90,6 +92,30 @@ fn what_moves_gains_along_its_vectors() {
     };
     let (alone, together) = errors(frames, texture(0));
     assert!(together < 0.9 * alone, "{together} with neighbours, {alone} alone");
+}
+
+#[test]
+fn a_still_world_seen_through_a_window_that_moves_gains_too() {
+    let window = |n: usize, seed: u64| {
+        let (x0, y0) = (6 * n as i32, 3 * n);
+        let seen = noisy(move |x, y| texture(-x0)(x, y + y0), seed + n as u64);
+        seen.with_origin((x0 - 100, y0 as i32))
+    };
+    let frames = |seed| [0, 1, 2].map(|n| window(n, seed));
+    let (alone, together) = errors(frames, |x, y| texture(-6)(x, y + 3));
+    assert!(together < 0.95 * alone, "{together} with neighbours, {alone} alone");
+}
+
+#[test]
+fn a_frame_knows_where_its_data_window_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("window.exr");
+    let channels = ["R", "G", "B"].map(|name| float(name, values(6 * 5, 1))).to_vec();
+    write_one(&path, layer(None, (6, 5), (-3, 7), scan_lines(Compression::ZIP16), channels));
+    let survey = Survey::open(&path, &ReadOptions::default(), 0, |_| {}).unwrap();
+    let part = survey.read(Rect { x: 2, y: 1, width: 3, height: 2 }).unwrap();
+    let whole = Picture::read(&path, &ReadOptions::default()).unwrap();
+    assert_eq!((whole.frame().origin(), part.origin()), ((-3, 7), (-1, 8)));
 }
 
 #[test]

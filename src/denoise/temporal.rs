@@ -68,6 +68,38 @@ impl Side {
     }
 }
 
+/// The way from a frame to those on one side of it.
+struct Way<'a> {
+    side: Side,
+    flow: Flow,
+    /// Of the frame in which the flow ends, as the next is.
+    motion: Option<&'a Motion>,
+    origin: (i32, i32),
+}
+
+impl<'a> Way<'a> {
+    /// Ends where it begins, in a frame of this outline and motion.
+    fn new(side: Side, outline: &Outline, motion: Option<&'a Motion>) -> Self {
+        Self { side, flow: Flow::still(outline.size), motion, origin: outline.origin }
+    }
+
+    /// Goes on to the `next` frame.
+    ///
+    /// # Errors
+    /// In words, why there is no way.
+    fn further(&mut self, next: &'a Frame) -> Result<(), String> {
+        let vectors = self.side.vectors(self.motion);
+        if vectors.is_none() && self.motion.is_some() {
+            return Err("there are motion vectors, but none that lead there".to_owned());
+        }
+        let ((x, y), (next_x, next_y)) = (self.origin, next.origin());
+        let shift = [(x, next_x), (y, next_y)].map(|(from, to)| (i64::from(from) - i64::from(to)) as f32);
+        self.flow.further(vectors, self.side.back().vectors(next.motion()), shift);
+        (self.motion, self.origin) = (next.motion(), next.origin());
+        Ok(())
+    }
+}
+
 /// Brings all of `neighbours` that can be used to the pixels, the exposure and the columns of the frame of this `outline`
 /// and these `facts`, of which `ready` was made, and tells which they are and why others are not.
 pub(super) fn warped(
@@ -82,33 +114,21 @@ pub(super) fn warped(
     let mut found = vec![];
     for (side, frames, sign) in [(Side::Before, &neighbours.before, -1), (Side::After, &neighbours.after, 1)]
     {
-        let motion = ready.motion.as_deref();
-        let (mut flow, mut last) = (Flow::still(outline.size), motion);
+        let mut way = Way::new(side, outline, ready.motion.as_deref());
         for (n, neighbour) in frames.iter().enumerate() {
             let offset = sign * (n as i32 + 1);
-            if let Err(why) = comparable(outline, &neighbour.outline()) {
+            let beyond = comparable(outline, &neighbour.outline()).and_then(|()| way.further(neighbour));
+            if let Err(why) = beyond {
                 log.note(format!("the frame at {offset:+} and those beyond it are not used: {why}"));
                 break;
             }
-            match (side.vectors(last), motion) {
-                (Some(vectors), _) => {
-                    flow = flow.further(vectors, side.back().vectors(neighbour.motion()));
-                }
-                (None, None) => {}
-                (None, Some(_)) => {
-                    let why = "there are motion vectors, but none that lead there";
-                    log.note(format!("the frame at {offset:+} is not used: {why}"));
-                    break;
-                }
-            }
             let own = Facts::of(neighbour);
             let there = prepare((*neighbour).into(), &own, facts, part, options, &mut Log::silent());
-            let warped = warp(&ready.signal, &there.signal, &flow, options);
+            let warped = warp(&ready.signal, &there.signal, &way.flow, options);
             let pixels = warped.trust.data().len() as f64;
             let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
             log.summary.beside.push(Beside { offset, trusted: trusted as f32 });
             found.push(warped);
-            last = neighbour.motion();
         }
     }
     found

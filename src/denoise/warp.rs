@@ -47,15 +47,16 @@ impl Flow {
         Self { size, at, places: (0..pixels).collect(), inside: vec![true; pixels] }
     }
 
-    /// Goes one frame further, along `vectors` of the frame in which this flow ends. `back` are the vectors
-    /// of the frame beyond towards this side: where they do not lead back, something is in front.
-    #[must_use]
-    pub fn further(mut self, vectors: &Vectors, back: Option<&Vectors>) -> Self {
+    /// Goes one frame further, along `vectors` of the frame in which this flow ends, or to the same place where there
+    /// are none. `back` are the vectors of the frame beyond towards this side: where they do not lead back, something
+    /// is in front. Its first pixel lies `shift` columns and rows before the one of the frame in which this flow ends.
+    pub fn further(&mut self, vectors: Option<&Vectors>, back: Option<&Vectors>, shift: [f32; 2]) {
         let (width, height) = self.size;
         let places = self.places.iter_mut().zip(&mut self.at).zip(&mut self.inside);
         for ((place, at), inside) in places.filter(|(_, inside)| **inside) {
-            let [dx, dy] = vectors.each_ref().map(|plane| plane.data()[*place]);
-            *at = [at[0] + dx, at[1] + dy];
+            let read = |vectors: &Vectors, place: usize| vectors.each_ref().map(|plane| plane.data()[place]);
+            let [dx, dy] = vectors.map_or([0.0; 2], |vectors| read(vectors, *place));
+            *at = [at[0] + dx + shift[0], at[1] + dy + shift[1]];
             let [x, y] = at.map(f32::round);
             // Written so that NaN is outside.
             *inside = x >= 0.0 && x < width as f32 && y >= 0.0 && y < height as f32;
@@ -64,11 +65,10 @@ impl Flow {
             }
             *place = y as usize * width + x as usize;
             if let Some(back) = back {
-                let [bx, by] = back.each_ref().map(|plane| plane.data()[*place]);
+                let [bx, by] = read(back, *place);
                 *inside = (dx + bx).hypot(dy + by) <= LARGEST_GAP;
             }
         }
-        self
     }
 
     /// `plane` of the other frame at this frame's pixels; where the place is not known, of some pixel near.
@@ -177,6 +177,16 @@ mod tests {
         vector.map(|v| plane(|_, _| v))
     }
 
+    fn shifted(vectors: Option<&Vectors>, back: Option<&Vectors>, shift: [f32; 2]) -> Flow {
+        let mut flow = Flow::still(SIZE);
+        flow.further(vectors, back, shift);
+        flow
+    }
+
+    fn along(vectors: &Vectors, back: Option<&Vectors>) -> Flow {
+        shifted(Some(vectors), back, [0.0; 2])
+    }
+
     fn grey(f: impl Fn(usize, usize) -> f32) -> Rgb {
         std::array::from_fn(|_| plane(&f))
     }
@@ -186,7 +196,7 @@ mod tests {
         let texture = |x: i32, y: i32| ((x * 7 + y * 13).rem_euclid(31)) as f32;
         let here = plane(|x, y| texture(x as i32, y as i32));
         let there = plane(|x, y| texture(x as i32 - 3, y as i32 + 2));
-        let flow = Flow::still(SIZE).further(&constant([3.2, -1.9]), Some(&constant([-3.0, 2.0])));
+        let flow = along(&constant([3.2, -1.9]), Some(&constant([-3.0, 2.0])));
         let (warped, trust) = (flow.warp(&there), flow.trust());
         for y in 0..SIZE.1 {
             for x in 0..SIZE.0 {
@@ -197,13 +207,30 @@ mod tests {
         }
         // Two steps of a half are one of a whole, and NaN leads nowhere.
         let half = constant([0.5, 0.0]);
-        let two = Flow::still(SIZE).further(&half, None).further(&half, None);
+        let mut two = along(&half, None);
+        two.further(Some(&half), None, [0.0; 2]);
         assert_eq!(two.warp(&here).get(4, 5), here.get(5, 5));
-        assert_eq!(Flow::still(SIZE).further(&constant([f32::NAN, 0.0]), None).trust(), plane(|_, _| 0.0));
+        assert_eq!(along(&constant([f32::NAN, 0.0]), None).trust(), plane(|_, _| 0.0));
         // Twice as near: every pixel there is four here, which count for one.
         let half = |at: usize| (at / 2) as f32 - at as f32;
-        let trust = Flow::still(SIZE).further(&[plane(|x, _| half(x)), plane(|_, y| half(y))], None).trust();
+        let trust = along(&[plane(|x, _| half(x)), plane(|_, y| half(y))], None).trust();
         assert_eq!(trust, plane(|_, _| 0.25));
+    }
+
+    #[test]
+    fn windows_that_move_are_laid_over_one_another_where_they_overlap() {
+        let world = |x: usize, y: usize| (x * 7 + y * 13) as f32;
+        let [here, there] = [[0, 3], [2, 0]].map(|[x0, y0]| plane(|x, y| world(x + x0, y + y0)));
+        // What stands still moves in the window, and leads back: vectors count in the whole picture.
+        let still = constant([0.0; 2]);
+        let flow = shifted(Some(&still), Some(&still), [-2.0, 3.0]);
+        assert_eq!(shifted(None, None, [-2.0, 3.0]).trust(), flow.trust());
+        let (warped, trust) = (flow.warp(&there), flow.trust());
+        for (x, y) in (0..SIZE.0).flat_map(|x| (0..SIZE.1).map(move |y| (x, y))) {
+            let inside = x >= 2 && y + 3 < SIZE.1;
+            assert_eq!(trust.get(x, y) > 0.0, inside, "{x}, {y}");
+            assert!(!inside || warped.get(x, y) == here.get(x, y), "{x}, {y}");
+        }
     }
 
     #[test]
@@ -212,7 +239,7 @@ mod tests {
         let object = |x: usize, first: usize| (first..first + 4).contains(&x);
         let way = [plane(|x, _| if object(x, 6) { -4.0 } else { 0.0 }), plane(|_, _| 0.0)];
         let back = [plane(|x, _| if object(x, 2) { 4.0 } else { 0.0 }), plane(|_, _| 0.0)];
-        let trust = Flow::still(SIZE).further(&way, Some(&back)).trust();
+        let trust = along(&way, Some(&back)).trust();
         for x in 0..SIZE.0 {
             assert_eq!(
                 trust.get(x, 5) > 0.0,

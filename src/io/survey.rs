@@ -66,7 +66,7 @@ impl Survey {
     /// The same with all planes held at once: the frame, and the samples of each pixel.
     pub(super) fn open_whole(path: &Path, options: &ReadOptions) -> Result<(Self, Frame, Option<Plane>)> {
         let (mut survey, held) = Self::of_files(path, options, Hold::Planes)?;
-        let (frame, counts) = survey.frame(held.expect("it was asked for"))?;
+        let (frame, counts) = survey.frame(held.expect("it was asked for"), survey.main.window)?;
         let mut seen = survey.nothing_seen();
         survey.see(&frame, &mut seen);
         survey.complete(&frame, &seen)?;
@@ -147,10 +147,17 @@ impl Survey {
     pub fn read(&self, rect: Rect) -> Result<Frame> {
         let main = self.main.planes(rect)?;
         let half = self.half.as_ref().map(|half| half.planes(rect)).transpose()?;
-        Ok(self.frame((main, half))?.0)
+        Ok(self.frame((main, half), part_of(self.main.window, rect))?.0)
     }
 
-    fn frame(&self, (main, half): BothHeld) -> Result<(Frame, Option<Plane>)> {
+    /// The frame of the planes under `window`, and the samples of each pixel.
+    fn frame(&self, held: BothHeld, window: IntegerBounds) -> Result<(Frame, Option<Plane>)> {
+        let (frame, counts) = self.merged(held)?;
+        let origin = window.position;
+        Ok((frame.with_origin((origin.x(), origin.y())), counts))
+    }
+
+    fn merged(&self, (main, half): BothHeld) -> Result<(Frame, Option<Plane>)> {
         let in_file = |source: &Source, error: Error| error.in_file(source.documents[0].path());
         let (frame, counts) = self.main.frame(main).map_err(|error| in_file(&self.main, error))?;
         let (Some(source), Some(planes)) = (&self.half, half) else { return Ok((frame, counts)) };
