@@ -158,6 +158,22 @@ fn frames_of_another_kind_are_left_out_with_a_reason() {
 }
 
 #[test]
+fn where_some_frames_have_vectors_those_without_do_not_stand_still() {
+    let still = |seed| noisy(texture(0), seed);
+    let with = |seed| moving(still(seed), 0.0);
+    let offsets = |frame: &Frame, before: [&Frame; 2]| {
+        let neighbours = Neighbours { before: before.to_vec(), after: vec![] };
+        let summary = denoise_in_sequence(frame, &neighbours, &Options::default(), &Silent).unwrap().summary;
+        let notes = summary.notes.iter().filter(|note| note.contains("none that lead there"));
+        (summary.beside.iter().map(|beside| beside.offset).collect::<Vec<_>>(), notes.count())
+    };
+    assert_eq!(offsets(&still(1), [&still(2), &still(3)]), (vec![-1, -2], 0));
+    assert_eq!(offsets(&with(1), [&with(2), &still(3)]), (vec![-1, -2], 0), "the one before it leads there");
+    assert_eq!(offsets(&still(1), [&with(2), &with(3)]), (vec![], 1));
+    assert_eq!(offsets(&still(1), [&still(2), &with(3)]), (vec![-1], 1));
+}
+
+#[test]
 fn a_feature_of_one_name_is_not_the_same_where_it_describes_something_else() {
     let of = |seed, kind, planes: usize| {
         let planes = (0..planes).map(|c| plane(|x, y| 0.2 + ((x + c + y * y) % 3) as f32 * 0.3));

@@ -75,12 +75,20 @@ struct Way<'a> {
     /// Of the frame in which the flow ends, as the next is.
     motion: Option<&'a Motion>,
     origin: (i32, i32),
+    /// Some frame on it has vectors: what has none is then not known to stand still.
+    moves: bool,
 }
 
 impl<'a> Way<'a> {
     /// Ends where it begins, in a frame of this outline and motion.
     fn new(side: Side, outline: &Outline, motion: Option<&'a Motion>) -> Self {
-        Self { side, flow: Flow::still(outline.size), motion, origin: outline.origin }
+        Self {
+            side,
+            flow: Flow::still(outline.size),
+            motion,
+            origin: outline.origin,
+            moves: motion.is_some(),
+        }
     }
 
     /// Goes on to the `next` frame.
@@ -89,7 +97,8 @@ impl<'a> Way<'a> {
     /// In words, why there is no way.
     fn further(&mut self, next: &'a Frame) -> Result<(), String> {
         let vectors = self.side.vectors(self.motion);
-        if vectors.is_none() && self.motion.is_some() {
+        self.moves |= next.motion().is_some();
+        if vectors.is_none() && self.moves {
             return Err("there are motion vectors, but none that lead there".to_owned());
         }
         let ((x, y), (next_x, next_y)) = (self.origin, next.origin());
