@@ -42,7 +42,7 @@ fn write_regions(
     aux: bool,
 ) -> Vec<PathBuf> {
     let mut facts = Facts::default();
-    let mut survey = Survey::open(input, read, 0, |rows| facts.add(rows)).unwrap();
+    let survey = Survey::open(input, read, 0, |rows| facts.add(rows)).unwrap();
     survey.sign("quick");
     let (width, height) = survey.size();
     let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick()).unwrap();
@@ -62,7 +62,7 @@ fn write_regions(
 fn assert_merged(input: &Path, read: &ReadOptions, regions: impl Fn((usize, usize)) -> Vec<Rect>, aux: bool) {
     let folder = tempfile::tempdir().unwrap();
     let (whole, merged) = (folder.path().join("whole.exr"), folder.path().join("merged.exr"));
-    let mut picture = Picture::read(input, read).unwrap();
+    let picture = Picture::read(input, read).unwrap();
     picture.sign("quick");
     let denoised = denoise(picture.frame(), &quick()).unwrap();
     picture.write(&whole, &denoised, aux).unwrap();

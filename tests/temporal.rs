@@ -289,6 +289,31 @@ fn a_run_that_goes_on_does_those_again_that_have_got_neighbours() {
 }
 
 #[test]
+fn a_damaged_frame_costs_those_beside_it_no_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shot(folder, 1..=3);
+    let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
+    let whole = bytes("shot.0003.exr");
+    std::fs::write(folder.join("shot.0003.exr"), &whole[..whole.len() / 2]).unwrap();
+    let arguments = ["shot.####.exr", "den.####.exr", "--temporal", "1", "--skip-existing"];
+    let keep_going = [&arguments[..], &["--keep-going"]].concat();
+    let complaint = run(folder, 3, &keep_going);
+    assert!(complaint.contains("frame 3 cannot be read"), "{complaint}");
+    assert!(!folder.join("den.0003.exr").exists());
+    let without = bytes("den.0002.exr");
+
+    // It is done again as soon as the frame beside it is whole.
+    std::fs::write(folder.join("shot.0003.exr"), &whole).unwrap();
+    run(folder, 0, &arguments);
+    run(folder, 0, &["shot.####.exr", "once.####.exr", "--temporal", "1"]);
+    assert!(bytes("den.0002.exr") == bytes("once.0002.exr") && without != bytes("once.0002.exr"));
+
+    std::fs::write(folder.join("shot.0003.exr"), &whole[..whole.len() / 2]).unwrap();
+    run(folder, 3, &["shot.####.exr", "other.####.exr", "--temporal", "1", "--frames", "2"]);
+}
+
+#[test]
 fn what_makes_no_sense_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();

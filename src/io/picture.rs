@@ -83,7 +83,7 @@ impl Picture {
     }
 
     /// As [`Survey::sign`].
-    pub fn sign(&mut self, signature: impl Into<String>) {
+    pub fn sign(&self, signature: impl Into<String>) {
         self.survey.sign(signature);
     }
 

@@ -2,6 +2,7 @@
 //! it is held in memory than the caller has room for.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use exr::meta::attribute::IntegerBounds;
 
@@ -25,7 +26,7 @@ pub struct Survey {
     main: Source,
     half: Option<Source>,
     layout: Layout,
-    signature: Option<String>,
+    signature: OnceLock<String>,
 }
 
 /// What all rows together show.
@@ -92,7 +93,7 @@ impl Survey {
         let mut layout = main.layout.clone();
         layout.half = options.half.as_ref().map(|half| half.display().to_string());
         layout.notes.extend(std::iter::once(&main).chain(&half).filter_map(note_denoised));
-        let survey = Self { main, half, layout, signature: None };
+        let survey = Self { main, half, layout, signature: OnceLock::new() };
         Ok((survey, planes.map(|planes| (planes, half_planes))))
     }
 
@@ -178,9 +179,13 @@ impl Survey {
 
     /// Has the results say in their attribute `apr.settings` what they were made by;
     /// [`provenance`](super::provenance()) reads it back. Keep to ASCII: what other letters become is not
-    /// promised.
-    pub fn sign(&mut self, signature: impl Into<String>) {
-        self.signature = Some(signature.into());
+    /// promised. Once: what was said first stays.
+    pub fn sign(&self, signature: impl Into<String>) {
+        self.signature.get_or_init(|| signature.into());
+    }
+
+    fn signature(&self) -> Option<&str> {
+        self.signature.get().map(String::as_str)
     }
 
     /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error
@@ -192,7 +197,7 @@ impl Survey {
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         let (replacements, additions) = self.results(denoised, aux)?;
         let document = &self.main.documents[0];
-        rewrite(document, target.as_ref(), &replacements, &additions, self.signature.as_deref())
+        rewrite(document, target.as_ref(), &replacements, &additions, self.signature())
     }
 
     /// Writes the region `region` of the picture, whose pixels `denoised` holds, as a file of its own: its
@@ -216,8 +221,7 @@ impl Survey {
         }
         let place = Place { picture: self.main.window, region: part_of(self.main.window, region), inputs };
         let document = &self.main.documents[0];
-        let signature = self.signature.as_deref();
-        write_region(document, target.as_ref(), &replacements, &additions, signature, &place)
+        write_region(document, target.as_ref(), &replacements, &additions, self.signature(), &place)
     }
 
     /// What `denoised` puts in the place of which channels, and what it adds.

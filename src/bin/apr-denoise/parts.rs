@@ -108,7 +108,7 @@ impl Input {
             return Err(Error::new(ErrorKind::Usage, what).remedy("leave --region and --memory out"));
         };
         let read = arguments.read_options(job);
-        let mut surveyed = Surveyed::new(job, &read, arguments, options, frames)?;
+        let surveyed = Surveyed::new(job, &read, arguments, options, frames)?;
         surveyed.survey.sign(signature);
         Ok(Self::Parts(Box::new(surveyed)))
     }

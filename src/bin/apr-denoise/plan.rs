@@ -165,15 +165,10 @@ impl Plan {
         side(-1).chain(side(1)).collect()
     }
 
-    /// The signature of the result of `job` in a run of `signature`, which looks at `reach` frames on both sides.
-    pub fn signature(&self, signature: &str, job: &Job, reach: u8) -> String {
-        if reach == 0 {
-            return signature.to_owned();
-        }
-        let side = |sign: i32| {
-            (1..=i32::from(reach)).take_while(|offset| self.beside(job, sign * offset).is_some()).count()
-        };
-        signature::of_frame(signature, [side(-1), side(1)])
+    /// How many frames are there for `job` in a run that looks at `reach` of them on both sides.
+    fn count_beside(&self, job: &Job, reach: u8) -> [usize; 2] {
+        let is_there = |sign: i32| move |offset: &i32| self.beside(job, sign * offset).is_some();
+        [-1, 1].map(|sign| (1..=i32::from(reach)).take_while(is_there(sign)).count())
     }
 
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
@@ -287,7 +282,8 @@ impl Plan {
         if !job.output.exists() {
             return Ok(Found::Nothing);
         }
-        let wanted = self.signature(signature, job, arguments.temporal);
+        let reach = arguments.temporal;
+        let wanted = signature::of_frame(signature, reach, self.count_beside(job, reach));
         let region = arguments.region.map(Region::numbers);
         let there = io::provenance(&job.output).unwrap_or_default(); // what is no EXR file, nobody signed
         Ok(match there.signature {

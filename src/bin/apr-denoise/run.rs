@@ -24,8 +24,8 @@ use crate::progress::{self, Progress, locked};
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
-use crate::shot::Shelf;
-use crate::signals;
+use crate::shot::{Shelf, Shot};
+use crate::{signals, signature};
 
 /// What all frames share.
 struct Run<'a> {
@@ -128,7 +128,6 @@ fn report_when_stopped(
 impl<'a> Run<'a> {
     fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
         let mut shelf = Shelf::default();
-        let reach = i32::from(self.arguments.temporal);
         for (index, job) in self.plan.jobs.iter().enumerate() {
             if index > self.last.load(Ordering::Relaxed) {
                 return;
@@ -138,7 +137,7 @@ impl<'a> Run<'a> {
             locked(&self.outcomes)[index] = Outcome::Interrupted; // until something better becomes of it
             let input = self.tried(index, || {
                 clock.begin("read");
-                let whole = || shelf.shot(self.plan, job, reach, |job| self.read(job));
+                let whole = || self.shot(&mut shelf, job);
                 let (arguments, frames) = (self.arguments, self.plan.jobs.len());
                 let input = Input::read(job, arguments, self.denoiser, self.signature, frames, whole)?;
                 clock.pause();
@@ -186,10 +185,13 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn read(&self, job: &Job) -> Result<Picture> {
-        let mut picture = Picture::read(&job.input, &self.arguments.read_options(job))?;
-        picture.sign(self.plan.signature(self.signature, job, self.arguments.temporal));
-        Ok(picture)
+    /// A frame with those beside it, signed: only now it is known which of them can be had.
+    fn shot(&self, shelf: &mut Shelf, job: &Job) -> Result<Shot> {
+        let (arguments, reach) = (self.arguments, self.arguments.temporal);
+        let read = |job: &Job| Picture::read(&job.input, &arguments.read_options(job));
+        let shot = shelf.shot(self.plan, job, reach, arguments.keep_going, read)?;
+        shot.picture.sign(signature::of_frame(self.signature, reach, shot.beside()));
+        Ok(shot)
     }
 
     fn write(&self, job: &Job, used: &Used, output: &Output, clock: Clock) -> Result<Outcome> {

@@ -15,8 +15,8 @@ pub struct Shot {
     pub picture: Arc<Picture>,
     before: Vec<Arc<Picture>>,
     after: Vec<Arc<Picture>>,
-    /// Frames beside that have no file.
-    absent: Vec<i32>,
+    /// In words, the frames beside that could not be had.
+    absent: Vec<String>,
 }
 
 impl Shot {
@@ -41,21 +41,25 @@ impl Shot {
         Self { before: vec![], after: vec![], ..self }
     }
 
+    /// How many frames before and after it help.
+    pub fn beside(&self) -> [usize; 2] {
+        [self.before.len(), self.after.len()]
+    }
+
     /// In words, what is not there.
     pub fn note(&self) -> Option<String> {
-        let absent: Vec<String> = self.absent.iter().map(i32::to_string).collect();
-        (!absent.is_empty())
-            .then(|| format!("done without what is beside: frame {} has no file", absent.join(", frame ")))
+        let absent = &self.absent;
+        (!absent.is_empty()).then(|| format!("done without what is beside: {}", absent.join(", ")))
     }
 }
 
-/// Frames around the last one that was asked for.
+/// Frames around the last one that was asked for, and what kept those from being read that could not be.
 #[derive(Debug, Default)]
-pub struct Shelf(BTreeMap<i32, Arc<Picture>>);
+pub struct Shelf(BTreeMap<i32, Result<Arc<Picture>>>);
 
 impl Shelf {
     /// The frame of `job` and up to `reach` on both sides, as far as there is no gap; what is not held is
-    /// had by `read`.
+    /// had by `read`. A frame beside that cannot be read counts as a gap where the run is to `keep_going`.
     ///
     /// # Errors
     /// When one of them cannot be read.
@@ -63,23 +67,31 @@ impl Shelf {
         &mut self,
         plan: &Plan,
         job: &Job,
-        reach: i32,
+        reach: u8,
+        keep_going: bool,
         read: impl Fn(&Job) -> Result<Picture>,
     ) -> Result<Shot> {
         let Some(frame) = job.frame.filter(|_| reach > 0) else {
             let picture = Arc::new(read(job)?);
             return Ok(Shot { picture, before: vec![], after: vec![], absent: vec![] });
         };
-        self.0.retain(|held, _| held.abs_diff(frame) <= reach.unsigned_abs());
+        self.0.retain(|held, _| held.abs_diff(frame) <= reach.into());
         let mut absent = vec![];
         let mut side = |sign: i32| -> Result<Vec<Arc<Picture>>> {
             let mut found = vec![];
-            for offset in 1..=reach {
-                let Some(beside) = plan.beside(job, sign * offset) else {
-                    absent.extend(frame.checked_add(sign * offset));
-                    break;
-                };
-                found.push(self.get(&beside, &read)?);
+            for offset in (1..=i32::from(reach)).map(|n| sign * n) {
+                let number = i64::from(frame) + i64::from(offset);
+                match plan.beside(job, offset).map(|beside| self.get(&beside, &read)) {
+                    Some(Err(error)) if keep_going => {
+                        absent.push(format!("frame {number} cannot be read ({error})"));
+                        break;
+                    }
+                    Some(picture) => found.push(picture?),
+                    None => {
+                        absent.push(format!("frame {number} has no file"));
+                        break;
+                    }
+                }
             }
             Ok(found)
         };
@@ -89,11 +101,6 @@ impl Shelf {
 
     fn get(&mut self, job: &Job, read: &impl Fn(&Job) -> Result<Picture>) -> Result<Arc<Picture>> {
         let frame = job.frame.expect("only sequences have frames beside");
-        if let Some(held) = self.0.get(&frame) {
-            return Ok(Arc::clone(held));
-        }
-        let picture = Arc::new(read(job)?);
-        self.0.insert(frame, Arc::clone(&picture));
-        Ok(picture)
+        self.0.entry(frame).or_insert_with(|| read(job).map(Arc::new)).clone()
     }
 }

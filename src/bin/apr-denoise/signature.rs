@@ -34,8 +34,12 @@ pub fn of(arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
     Ok(ascii(&one_line))
 }
 
-/// The same of a frame that has so many frames `[before, after]` it beside it, which change the result too.
-pub fn of_frame(signature: &str, [before, after]: [usize; 2]) -> String {
+/// The same of one frame in a run that looks at `reach` frames on both sides, of which so many `[before, after]` it
+/// helped: they change the result too.
+pub fn of_frame(signature: &str, reach: u8, [before, after]: [usize; 2]) -> String {
+    if reach == 0 {
+        return signature.to_owned();
+    }
     let body = signature.strip_suffix('}').expect("a signature is a JSON object");
     format!("{body},\"{BESIDE}\": [{before}, {after}]}}")
 }
@@ -109,9 +113,9 @@ mod tests {
     #[test]
     fn frames_that_have_come_are_told_from_other_settings() {
         let run = r#"{"a": 1, "temporal": 2}"#;
-        let (end, amid) = (of_frame(run, [2, 0]), of_frame(run, [2, 2]));
+        let (end, amid) = (of_frame(run, 2, [2, 0]), of_frame(run, 2, [2, 2]));
         assert!(only_neighbours_differ(&end, &amid) && !only_neighbours_differ(&end, &end));
-        assert!(!only_neighbours_differ(&end, &of_frame(r#"{"a": 2, "temporal": 2}"#, [2, 2])));
+        assert!(!only_neighbours_differ(&end, &of_frame(r#"{"a": 2, "temporal": 2}"#, 2, [2, 2])));
         assert!(!only_neighbours_differ("?", &amid));
     }
 
