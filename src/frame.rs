@@ -365,6 +365,9 @@ pub struct Beside {
     pub offset: i32,
     /// Mean over the pixels of how far its samples are trusted, 0 to 1.
     pub trusted: f32,
+    /// Share of the pixels that could have been trusted but hold the same noise, 0 to 1: the frame was repeated, or
+    /// rendered with the same seed.
+    pub copied: f32,
 }
 
 /// Counts and decisions of one run, for the report.

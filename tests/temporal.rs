@@ -136,7 +136,7 @@ fn an_edge_that_moves_without_vectors_or_with_wrong_ones_does_no_harm() {
 fn a_frame_repeated_with_its_noise_is_no_news() {
     let frame = noisy(texture(0), 3);
     let result = with_neighbours(&[frame.clone(), frame.clone(), frame.clone()]);
-    assert!(result.summary.beside.iter().all(|beside| beside.trusted == 0.0));
+    assert!(result.summary.beside.iter().all(|beside| beside.trusted == 0.0 && beside.copied == 1.0));
     let (alone, copied) = (denoise(&frame, &Options::default()).unwrap(), result);
     for (a, b) in alone.color.iter().flat_map(Plane::data).zip(copied.color.iter().flat_map(Plane::data)) {
         assert!((a - b).abs() < 1e-4, "{a} {b}");
@@ -311,6 +311,23 @@ fn a_damaged_frame_costs_those_beside_it_no_result() {
 
     std::fs::write(folder.join("shot.0003.exr"), &whole[..whole.len() / 2]).unwrap();
     run(folder, 3, &["shot.####.exr", "other.####.exr", "--temporal", "1", "--frames", "2"]);
+}
+
+#[test]
+fn frames_of_one_seed_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shot(folder, 1..=2);
+    let warned = |count: usize| {
+        let complaint = run(folder, 0, &["shot.####.exr", "den.####.exr", "--temporal", "1"]);
+        assert_eq!(complaint.matches("a seed of its own").count(), count, "{complaint}");
+    };
+    warned(0);
+    for frame in 1..=2 {
+        let picture = moving(noisy(texture(0), 1), 0.0);
+        write_frame(folder.join(format!("shot.{frame:04}.exr")), &picture, &FrameHeader::default()).unwrap();
+    }
+    warned(1);
 }
 
 #[test]

@@ -42,6 +42,8 @@ pub(super) struct Warped {
     pub steady: Plane,
     /// What every sample's weight is multiplied by, 0 to 1.
     pub trust: Plane,
+    /// Share of the pixels that could be trusted but for their noise, which is this frame's.
+    pub copied: f32,
 }
 
 /// The direction in time.
@@ -136,7 +138,7 @@ pub(super) fn warped(
             let warped = warp(&ready.signal, &there.signal, &way.flow, options);
             let pixels = warped.trust.data().len() as f64;
             let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
-            log.summary.beside.push(Beside { offset, trusted: trusted as f32 });
+            log.summary.beside.push(Beside { offset, trusted: trusted as f32, copied: warped.copied });
             found.push(warped);
         }
     }
@@ -180,7 +182,7 @@ fn warp(here: &Signal, there: &Signal, flow: &Flow, options: &Options) -> Warped
     let colors = [here.color(), color];
     let steady = steadiness(&trust, colors, [&here.smoothed, &smoothed]);
     trust.data_mut().iter_mut().zip(steady.data()).for_each(|(trust, steady)| *trust *= steady);
-    distrust_copies(&mut trust, colors, &here.smoothed);
+    let copied = distrust_copies(&mut trust, colors, &here.smoothed);
     let albedo = there.design.albedo.as_ref().map(rgb);
     let guided = Guided {
         color,
@@ -199,6 +201,7 @@ fn warp(here: &Signal, there: &Signal, flow: &Flow, options: &Options) -> Warped
         albedo,
         steady,
         trust,
+        copied,
     }
 }
 

@@ -147,7 +147,8 @@ pub fn steadiness(trust: &Plane, [here, there]: [[&Plane; 3]; 2], [noise, its_no
 /// Takes `trust` away where most pixels around are the very same in spite of their `noise`: a copy, from a repeated
 /// frame or seed, tells nothing new. Not by single pixels: light that comes in few sizes is often the same by
 /// chance, and without those pairs the others' mean is too bright. What is black in both tells neither.
-pub fn distrust_copies(trust: &mut Plane, [here, there]: [[&Plane; 3]; 2], noise: &Rgb) {
+/// Returns the share of the trusted pixels that were copies.
+pub fn distrust_copies(trust: &mut Plane, [here, there]: [[&Plane; 3]; 2], noise: &Rgb) -> f32 {
     let (width, height) = trust.size();
     let any = |rgb: [&Plane; 3], x: usize, y: usize| rgb.iter().any(|plane| plane.get(x, y) != 0.0);
     let tells = |x, y| any(noise.each_ref(), x, y) && (any(here, x, y) || any(there, x, y));
@@ -156,11 +157,16 @@ pub fn distrust_copies(trust: &mut Plane, [here, there]: [[&Plane; 3]; 2], noise
         smooth(&Plane::par_from_fn(width, height, |x, y| f32::from(holds(x, y))), LIGHT_RADIUS)
     };
     let (all, copies) = (share(&tells), share(&|x, y| tells(x, y) && same(x, y)));
-    for ((trust, copies), all) in trust.data_mut().iter_mut().zip(copies.data()).zip(all.data()) {
+    let (mut trusted, mut taken) = (0usize, 0usize);
+    let pixels = trust.data_mut().iter_mut().zip(copies.data()).zip(all.data());
+    for ((trust, copies), all) in pixels.filter(|((trust, _), _)| **trust > 0.0) {
+        trusted += 1;
         if *copies > 0.5 * all {
             *trust = 0.0;
+            taken += 1;
         }
     }
+    taken as f32 / trusted.max(1) as f32
 }
 
 #[cfg(test)]
@@ -290,9 +296,9 @@ mod tests {
             "not seen"
         );
         let mut trust = all.clone();
-        distrust_copies(&mut trust, [here.each_ref(), darker.each_ref()], &variance);
+        assert_eq!(distrust_copies(&mut trust, [here.each_ref(), darker.each_ref()], &variance), 0.0);
         assert_eq!(trust, all);
-        distrust_copies(&mut trust, [here.each_ref(); 2], &variance);
+        assert_eq!(distrust_copies(&mut trust, [here.each_ref(); 2], &variance), 1.0);
         assert_eq!(trust, plane(|_, _| 0.0));
     }
 

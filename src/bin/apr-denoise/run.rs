@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use apr::baseline::Denoiser;
 use apr::error::{Error, Result};
+use apr::frame::Beside;
 use apr::io::{self, Picture};
 
 use crate::answer::{complain, print};
@@ -26,6 +27,9 @@ use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
 use crate::shot::{Shelf, Shot};
 use crate::{signals, signature};
+
+/// Share of the pixels of a frame beside that may hold the same noise without a word.
+const MOST_COPIED: f32 = 0.5;
 
 /// What all frames share.
 struct Run<'a> {
@@ -213,6 +217,7 @@ impl<'a> Run<'a> {
             io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
         }
         if !self.arguments.quiet {
+            self.warn_of_copies(job, &output.denoised.summary.beside);
             report.notes().iter().for_each(|note| self.note(job, note));
             let needed = sampling.as_ref().and_then(Sampling::line);
             self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
@@ -244,6 +249,17 @@ impl<'a> Run<'a> {
         if !self.arguments.quiet {
             input.layout().warnings.iter().for_each(|warning| self.tell(job, "warning", warning));
             input.layout().notes.iter().for_each(|note| self.note(job, note));
+        }
+    }
+
+    /// Warns of frames beside that tell nothing new.
+    fn warn_of_copies(&self, job: &Job, beside: &[Beside]) {
+        if beside.iter().any(|beside| beside.copied > MOST_COPIED) {
+            self.tell(
+                job,
+                "warning",
+                "--temporal: frames beside hold the same noise and are of no use: render every frame with a seed of its own",
+            );
         }
     }
 
