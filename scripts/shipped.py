@@ -59,9 +59,9 @@ class Scene:
         self.file.write_text(json.dumps(description))
 
     def reference(self):
-        path = self.folder / "reference.exr"
+        samples = REFERENCE.get(self.name, 1024)
+        path = self.folder / f"reference-{samples}.exr"
         if not path.exists():
-            samples = REFERENCE.get(self.name, 1024)
             program("apr-trace", self.file, path, "--reference", samples, "--seed", REFERENCE_SEED, "--quiet")
         return path
 

@@ -3,8 +3,8 @@
 
   python3 scripts/temporal.py [--spp 16] [--reference 512] [--frames 8] [--size 160x120]
 
-Prints the tables of docs/TEMPORAL.md. Needs numpy and OpenEXR for Python. Renders go to target/temporal and
-are kept between runs; remove that folder to render anew.
+Prints the tables of docs/TEMPORAL.md. Needs numpy and OpenEXR for Python. Renders go to a folder of
+these options in target/temporal and are kept between runs; remove it to render anew.
 
 Errors are those of the denoised frames against the references, squared and divided by the reference's squared
 brightness plus 0.01; the references' own noise, known from their variances, is taken off everywhere.
@@ -68,7 +68,8 @@ def rgb(file, layer=""):
 def render(name, options):
     """Renders all frames and references; the folder."""
     base, change = ANIMATIONS[name]
-    folder = WORK / name
+    # Renders of other options are other renders.
+    folder = WORK / f"{options.size}-{options.spp}-{options.reference}-{options.frames}" / name
     if not folder.exists():
         shutil.copytree(SCENES, folder)
     scene = json.loads((SCENES / f"{base}.json").read_text())
