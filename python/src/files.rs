@@ -1,18 +1,18 @@
 //! EXR files.
 
-use std::collections::HashMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use apr::io::{FrameHeader, Mapping, Picture, ReadOptions, Renderer, VarianceKind};
+use apr::io::{self, FrameHeader, Mapping, Picture, ReadOptions, Renderer, RunFile, VarianceKind};
 use apr::{Aov, Frame};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 
 use crate::arrays::{planes, rgb};
+use crate::chosen;
 use crate::errors::raised;
-use crate::frame::{from_json, keywords};
-use crate::{chosen, on_threads};
+use crate::frame::{from_json, items, keywords, samples};
+use crate::threads::Threads;
 
 /// How to understand a file: the keywords that `read_exr` and `denoise_exr` share.
 #[derive(FromPyObject)]
@@ -20,8 +20,8 @@ use crate::{chosen, on_threads};
 pub struct Reading {
     profile: Option<String>,
     #[pyo3(item("map"))]
-    roles: HashMap<String, String>,
-    features: HashMap<String, String>,
+    roles: Vec<(String, String)>,
+    features: Vec<(String, String)>,
     variance_kind: Option<String>,
     spp: Option<f32>,
     half: Option<PathBuf>,
@@ -39,7 +39,7 @@ impl Reading {
                 .variance_kind
                 .map(|name| one_of("variance_kind", &VarianceKind::NAMES, &name))
                 .transpose()?,
-            spp: self.spp,
+            spp: self.spp.map(samples).transpose()?,
             half: self.half,
             with: self.further,
             aovs: self.aovs,
@@ -48,9 +48,8 @@ impl Reading {
     }
 }
 
-fn mappings(given: HashMap<String, String>) -> PyResult<Vec<Mapping>> {
-    let mut given: Vec<_> = given.into_iter().collect();
-    given.sort(); // a HashMap's order is chance, the result's bits are not to be
+/// In their order, as on the command line: bits depend on it.
+fn mappings(given: Vec<(String, String)>) -> PyResult<Vec<Mapping>> {
     given.into_iter().map(|(name, channels)| format!("{name}={channels}").parse().map_err(raised)).collect()
 }
 
@@ -70,7 +69,7 @@ pub fn read_exr<'py>(
     reading: Reading,
 ) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>)> {
     let options = reading.options()?;
-    let picture = py.detach(|| Picture::read(&path, &options)).map_err(raised)?;
+    let picture = py.detach(|| Threads::default().run(|| Picture::read(&path, &options)))?.map_err(raised)?;
     Ok((keywords(py, picture.frame())?, from_json(py, picture.layout())?))
 }
 
@@ -83,14 +82,14 @@ pub fn write_exr(
     py: Python<'_>,
     path: PathBuf,
     color: &Bound<'_, PyAny>,
-    layers: Option<&Bound<'_, PyDict>>,
+    layers: Option<&Bound<'_, PyMapping>>,
     spp: Option<f32>,
     seed: Option<u64>,
 ) -> PyResult<()> {
+    io::check_ending(&path).map_err(raised)?;
     let mut frame = Frame::new(rgb("color", color)?).map_err(raised)?;
     let mut further = Vec::new();
-    for (name, array) in layers.into_iter().flatten() {
-        let name: String = name.extract()?;
+    for (name, array) in items(layers)? {
         let planes = planes(&format!("layers['{name}']"), &array)?;
         match <[_; 3]>::try_from(planes) {
             Ok(color) => frame = frame.with_aov(Aov { name, color }).map_err(raised)?,
@@ -103,11 +102,11 @@ pub fn write_exr(
         }
     }
     if let Some(spp) = spp {
-        frame = frame.with_spp(spp);
+        frame = frame.with_spp(samples(spp)?);
     }
     let further: Vec<_> = further.iter().map(|(name, planes)| (name.as_str(), &planes[0])).collect();
     let header = FrameHeader { seed, further: &further };
-    py.detach(|| apr::io::write_frame(&path, &frame, &header)).map_err(raised)
+    py.detach(|| Threads::default().run(|| io::write_frame(&path, &frame, &header)))?.map_err(raised)
 }
 
 /// The command line's work: reads, denoises and writes the file again.
@@ -118,24 +117,39 @@ pub fn denoise_exr<'py>(
     output: PathBuf,
     reading: Reading,
     preset: &str,
-    options: Option<&Bound<'py, PyDict>>,
+    options: Option<&Bound<'py, PyMapping>>,
     aux: bool,
-    threads: Option<usize>,
+    threads: Option<i64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = chosen(preset, options)?;
     let reading = reading.options()?;
+    let threads = Threads::new(threads)?;
     let work = || -> apr::Result<_> {
-        apr::io::check_target(&output)?;
+        check_output(&input, &reading, &output)?;
         let picture = Picture::read(&input, &reading)?;
         let denoised = apr::denoise(picture.frame(), &options)?;
         let notes = picture.write(&output, &denoised, aux)?;
-        Ok((picture, denoised, notes))
+        let sums = picture.sums(&denoised);
+        Ok((picture, denoised, sums, notes))
     };
-    let (picture, denoised, notes) = py.detach(|| on_threads(threads, work))?.map_err(raised)?;
+    let (picture, denoised, sums, notes) = py.detach(|| threads.run(work))?.map_err(raised)?;
     let report = PyDict::new(py);
     report.set_item("layout", from_json(py, picture.layout())?)?;
     report.set_item("summary", from_json(py, &denoised.summary)?)?;
-    report.set_item("sums", from_json(py, &picture.sums(&denoised))?)?;
+    report.set_item("sums", from_json(py, &sums)?)?;
     report.set_item("notes", notes)?;
     Ok(report)
+}
+
+/// Checks before the work that the result can be written and costs no file that is read, but the input itself.
+fn check_output(input: &Path, reading: &ReadOptions, output: &Path) -> apr::Result<()> {
+    let file = |role: &'static str| move |path| RunFile { role, path };
+    let in_place = io::is_same_file(input, output);
+    let input = Some(input).filter(|_| !in_place).map(file("the input"));
+    let half = reading.half.as_deref().map(file("the half"));
+    let further = reading.with.iter().map(PathBuf::as_path).map(file("a file of further"));
+    io::check_apart(input.into_iter().chain(half).chain(further), [file("the result")(output)])
+        .map_err(|error| error.remedy("give the result a name of its own"))?;
+    io::check_ending(output)?;
+    io::check_target(output)
 }

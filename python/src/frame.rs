@@ -4,7 +4,7 @@ use apr::io::bound_feature;
 use apr::{Aov, Denoised, Feature, FeatureKind, Frame};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyDict, PyMapping, PyTuple};
 use serde::Serialize;
 
 use crate::arrays::{from_plane, from_planes, planes, rgb};
@@ -14,12 +14,12 @@ use crate::errors::raised;
 pub struct Given<'a, 'py> {
     pub color: &'a Bound<'py, PyAny>,
     pub variance: Option<&'a Bound<'py, PyAny>>,
-    pub halves: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    pub halves: Option<&'a Bound<'py, PyAny>>,
     pub named: [(&'static str, Option<Bound<'py, PyAny>>); 5],
-    pub features: Option<&'a Bound<'py, PyDict>>,
-    pub feature_variance: Option<&'a Bound<'py, PyDict>>,
-    pub feature_halves: Option<&'a Bound<'py, PyDict>>,
-    pub aovs: Option<&'a Bound<'py, PyDict>>,
+    pub features: Option<&'a Bound<'py, PyMapping>>,
+    pub feature_variance: Option<&'a Bound<'py, PyMapping>>,
+    pub feature_halves: Option<&'a Bound<'py, PyMapping>>,
+    pub aovs: Option<&'a Bound<'py, PyMapping>>,
     pub spp: Option<f32>,
 }
 
@@ -30,21 +30,22 @@ impl<'py> Given<'_, 'py> {
         if let Some(variance) = self.variance {
             frame = frame.with_variance_of_mean(rgb("variance", variance)?).map_err(raised)?;
         }
-        if let Some((a, b)) = &self.halves {
-            frame = frame.with_halves([rgb("halves[0]", a)?, rgb("halves[1]", b)?]).map_err(raised)?;
-        }
         let mut notes = Vec::new();
+        if let Some(halves) = self.halves {
+            let [a, b] = pair("halves", halves)?;
+            let halves = [rgb("halves[0]", &a)?, rgb("halves[1]", &b)?];
+            frame = frame.with_halves(halves).map_err(raised)?;
+            notes.extend(other_halves(&frame));
+        }
         for (name, array) in self.all_features()? {
             let mut feature = Feature::new(&name, kind(&name), planes(&name, &array)?);
             if let Some(variance) = item(self.feature_variance, &name)? {
                 feature.var_of_mean = Some(planes(&format!("feature_variance['{name}']"), &variance)?);
             }
-            if let Some(pair) = item(self.feature_halves, &name)? {
-                let wrong =
-                    |_| PyTypeError::new_err(format!("feature_halves['{name}'] is no pair of arrays"));
-                let (a, b): (Bound<PyAny>, Bound<PyAny>) = pair.extract().map_err(wrong)?;
-                let half = |array| planes(&format!("feature_halves['{name}']"), array);
-                feature.halves = Some([half(&a)?, half(&b)?]);
+            if let Some(halves) = item(self.feature_halves, &name)? {
+                let what = format!("feature_halves['{name}']");
+                let [a, b] = pair(&what, &halves)?;
+                feature.halves = Some([planes(&what, &a)?, planes(&what, &b)?]);
             }
             // Only what the frame takes can be brought into range; it tells what is wrong with the rest.
             if fits(&feature, (frame.width(), frame.height())) {
@@ -52,13 +53,12 @@ impl<'py> Given<'_, 'py> {
             }
             frame = frame.with_feature(feature).map_err(raised)?;
         }
-        for (name, array) in self.aovs.into_iter().flatten() {
-            let name: String = name.extract()?;
+        for (name, array) in items(self.aovs)? {
             let color = rgb(&format!("aovs['{name}']"), &array)?;
             frame = frame.with_aov(Aov { name, color }).map_err(raised)?;
         }
         if let Some(spp) = self.spp {
-            frame = frame.with_spp(spp);
+            frame = frame.with_spp(samples(spp)?);
         }
         Ok((frame, notes))
     }
@@ -68,16 +68,14 @@ impl<'py> Given<'_, 'py> {
         let by_keyword =
             self.named.iter().filter_map(|(name, array)| Some(((*name).to_owned(), array.clone()?)));
         let mut all: Vec<(String, Bound<PyAny>)> = by_keyword.collect();
-        for (name, array) in self.features.into_iter().flatten() {
-            let name: String = name.extract()?;
+        for (name, array) in items(self.features)? {
             if all.iter().any(|(other, _)| *other == name) {
                 return Err(PyValueError::new_err(format!("the feature '{name}' is given twice")));
             }
             all.push((name, array));
         }
         for (what, given) in [("variance", self.feature_variance), ("halves", self.feature_halves)] {
-            for (name, _) in given.into_iter().flatten() {
-                let name: String = name.extract()?;
+            for (name, _) in items(given)? {
                 if all.iter().all(|(other, _)| *other != name) {
                     return Err(PyValueError::new_err(format!(
                         "feature_{what}['{name}'] belongs to no feature; give features['{name}'] too"
@@ -89,8 +87,60 @@ impl<'py> Given<'_, 'py> {
     }
 }
 
-fn item<'py>(of: Option<&Bound<'py, PyDict>>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
-    of.map_or(Ok(None), |of| of.get_item(name))
+/// Names and values of any mapping, in its order.
+pub fn items<'py>(of: Option<&Bound<'py, PyMapping>>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+    of.map_or(Ok(vec![]), |of| of.items()?.extract())
+}
+
+fn item<'py>(of: Option<&Bound<'py, PyMapping>>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+    match of {
+        Some(of) if of.contains(name)? => of.get_item(name).map(Some),
+        _ => Ok(None),
+    }
+}
+
+/// Two arrays: a tuple or list of them, or an array of both.
+fn pair<'py>(what: &str, value: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 2]> {
+    let arrays = value.try_iter().and_then(Iterator::collect::<PyResult<Vec<_>>>).unwrap_or_default();
+    arrays.try_into().map_err(|_| PyTypeError::new_err(format!("{what} is no pair of arrays")))
+}
+
+/// Samples per pixel that can be.
+pub fn samples(spp: f32) -> PyResult<f32> {
+    if can_be(&spp) {
+        return Ok(spp);
+    }
+    Err(PyValueError::new_err(format!("spp is {spp} where a number above 0 was expected")))
+}
+
+fn can_be(spp: &f32) -> bool {
+    *spp > 0.0 && spp.is_finite()
+}
+
+/// Tells of half buffers that are not the colour's: their difference says nothing about its noise.
+fn other_halves(frame: &Frame) -> Option<String> {
+    /// Half floats, and halves of which one has a sample more, deviate by less.
+    const TOLERANCE: f64 = 0.05;
+    let [a, b] = frame.halves()?;
+    let (mut error, mut energy) = (0.0, 0.0);
+    for (color, (a, b)) in frame.color().iter().zip(a.iter().zip(b)) {
+        for (color, (a, b)) in color.data().iter().zip(a.data().iter().zip(b.data())) {
+            let [color, a, b] = [color, a, b].map(|value| f64::from(*value));
+            let squares = [(0.5 * (a + b) - color).powi(2), color.powi(2)];
+            if squares.iter().all(|square| square.is_finite()) {
+                error += squares[0];
+                energy += squares[1];
+            }
+        }
+    }
+    let deviation = (error / energy.max(f64::MIN_POSITIVE)).sqrt();
+    (deviation > TOLERANCE).then(|| {
+        format!(
+            "the average of halves differs from color by {:.0} % (RMS): their difference is taken for its noise; \
+             give the means of the two halves of its own samples",
+            100.0 * deviation
+        )
+    })
 }
 
 /// Whether all arrays of a feature are of one kind: as many channels, and of the frame's `size`.
@@ -153,7 +203,7 @@ pub fn keywords<'py>(py: Python<'py>, frame: &Frame) -> PyResult<Bound<'py, PyDi
     all.set_item("feature_variance", variances)?;
     all.set_item("feature_halves", halves)?;
     all.set_item("aovs", aovs)?;
-    all.set_item("spp", frame.spp())?;
+    all.set_item("spp", frame.spp().filter(can_be))?;
     Ok(all)
 }
 
@@ -163,8 +213,12 @@ pub fn from_json<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound
     py.import("json")?.call_method1("loads", (text,))
 }
 
-/// Python's own types as JSON.
+/// Python's own types, and numpy's, as JSON.
 pub fn to_json(value: &Bound<'_, PyAny>) -> PyResult<serde_json::Value> {
-    let text: String = value.py().import("json")?.call_method1("dumps", (value,))?.extract()?;
+    let py = value.py();
+    let value = if value.hasattr("tolist")? { &value.call_method0("tolist")? } else { value };
+    let strict = PyDict::new(py);
+    strict.set_item("allow_nan", false)?; // which is no JSON
+    let text: String = py.import("json")?.call_method("dumps", (value,), Some(&strict))?.extract()?;
     serde_json::from_str(&text).map_err(|error| PyValueError::new_err(error.to_string()))
 }

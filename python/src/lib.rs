@@ -5,14 +5,16 @@ mod arrays;
 mod errors;
 mod files;
 mod frame;
+mod threads;
 
 use apr::Options;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 
 use errors::raised;
-use frame::Given;
+use frame::{Given, items};
+use threads::Threads;
 
 #[pymodule]
 fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
@@ -36,7 +38,7 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
 ///     sums to the result.
 /// spp: samples per pixel; ``read_exr`` gives it, and it changes no bit of the result.
 /// preset: fast, balanced, best or published; options: any option by name, dots go into depth.
-/// threads: one per core by default; the result does not depend on it.
+/// threads: 1 to 1024, one per core by default; the result does not depend on it.
 ///
 /// Returns a dictionary: ``color``, height × width × 3; ``aovs``, by their names; ``mse``, the estimated mean
 ///     squared error of ``color`` over its channels, and ``order``, the polynomial order chosen, 0 to 3, both
@@ -53,22 +55,23 @@ fn denoise<'py>(
     py: Python<'py>,
     color: &Bound<'py, PyAny>,
     variance: Option<&Bound<'py, PyAny>>,
-    halves: Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>,
+    halves: Option<&Bound<'py, PyAny>>,
     albedo: Option<Bound<'py, PyAny>>,
     normal: Option<Bound<'py, PyAny>>,
     position: Option<Bound<'py, PyAny>>,
     depth: Option<Bound<'py, PyAny>>,
     visibility: Option<Bound<'py, PyAny>>,
-    features: Option<&Bound<'py, PyDict>>,
-    feature_variance: Option<&Bound<'py, PyDict>>,
-    feature_halves: Option<&Bound<'py, PyDict>>,
-    aovs: Option<&Bound<'py, PyDict>>,
+    features: Option<&Bound<'py, PyMapping>>,
+    feature_variance: Option<&Bound<'py, PyMapping>>,
+    feature_halves: Option<&Bound<'py, PyMapping>>,
+    aovs: Option<&Bound<'py, PyMapping>>,
     spp: Option<f32>,
     preset: &str,
-    options: Option<&Bound<'py, PyDict>>,
-    threads: Option<usize>,
+    options: Option<&Bound<'py, PyMapping>>,
+    threads: Option<i64>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = chosen(preset, options)?;
+    let threads = Threads::new(threads)?;
     let named = [
         ("albedo", albedo),
         ("normal", normal),
@@ -80,7 +83,7 @@ fn denoise<'py>(
         Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
     let (frame, notes) = given.frame()?;
     // Nothing of Python is touched from here on: others may run meanwhile.
-    let denoised = py.detach(|| on_threads(threads, || apr::denoise(frame, &options)))?.map_err(raised)?;
+    let denoised = py.detach(|| threads.run(|| apr::denoise(frame, &options)))?.map_err(raised)?;
     let result = frame::result(py, denoised)?;
     let summary = result.get_item("summary")?.expect("it has just been put there");
     for note in notes {
@@ -90,28 +93,17 @@ fn denoise<'py>(
 }
 
 /// The preset's options with those replaced that `options` names.
-fn chosen(preset: &str, options: Option<&Bound<'_, PyDict>>) -> PyResult<Options> {
+fn chosen(preset: &str, options: Option<&Bound<'_, PyMapping>>) -> PyResult<Options> {
     let names = || Options::PRESETS.map(|(name, _)| name).join(", ");
     let preset = Options::PRESETS.iter().find(|(name, _)| *name == preset).ok_or_else(|| {
         PyValueError::new_err(format!("there is no preset '{preset}'; use one of {}", names()))
     })?;
     let mut chosen = (preset.1)();
-    for (key, value) in options.into_iter().flatten() {
-        chosen = chosen.with(&key.extract::<String>()?, frame::to_json(&value)?).map_err(raised)?;
+    for (name, value) in items(options)? {
+        let value = frame::to_json(&value)
+            .map_err(|error| PyValueError::new_err(format!("options['{name}']: {error}")))?;
+        chosen = chosen.with(&name, value).map_err(raised)?;
     }
     chosen.check().map_err(raised)?;
     Ok(chosen)
-}
-
-/// Runs `work` on so many threads, or on one per core.
-fn on_threads<T: Send>(threads: Option<usize>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    match threads {
-        None => Ok(work()),
-        Some(0) => Err(PyValueError::new_err("threads must be 1 or more, or None for one per core")),
-        Some(n) => {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
-            let pool = pool.map_err(|error| pyo3::exceptions::PyRuntimeError::new_err(error.to_string()))?;
-            Ok(pool.install(work))
-        }
-    }
 }

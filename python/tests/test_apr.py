@@ -4,9 +4,11 @@ import inspect
 import json
 import os
 import pathlib
+import multiprocessing
 import re
 import subprocess
 import threading
+import types
 
 import numpy as np
 import pytest
@@ -78,6 +80,16 @@ def test_light_groups_two_seeds_and_options_give_the_command_lines_bits(tmp_path
     assert report["sums"][0]["after"]["relative_rms"] < 5e-4
 
 
+def test_features_keep_their_order_and_so_the_command_lines_bits(tmp_path):
+    noisy, _ = picture()
+    render = tmp_path / "render.exr"
+    apr.write_exr(render, noisy, layers={"a": noisy[..., 0] ** 2, "b": noisy[..., 1] * noisy[..., 2]})
+    assert list(apr.read_exr(render, features={"b": "b.Y", "a": "a.Y"})["features"]) == ["b", "a"]
+    output = by_program(tmp_path, render, "--feature", "b=b.Y", "--feature", "a=a.Y")
+    apr.denoise_exr(render, tmp_path / "binding.exr", features={"b": "b.Y", "a": "a.Y"})
+    assert same_pictures(tmp_path / "binding.exr", output)
+
+
 def test_components_sum_to_the_beauty():
     noisy, _ = picture()
     part = noisy * np.random.default_rng(1).random(noisy.shape, np.float32)
@@ -119,6 +131,59 @@ def test_files_are_written_and_read_back(tmp_path):
     json.dumps(layout)
 
 
+def test_no_file_that_is_read_is_lost(tmp_path):
+    noisy, _ = picture()
+    a, b = tmp_path / "a.exr", tmp_path / "b.exr"
+    apr.write_exr(a, noisy)
+    apr.write_exr(b, picture(seed=1)[0])
+    before = b.read_bytes()
+    for reading in ({"half": b}, {"further": [b]}):
+        with pytest.raises(ValueError, match="b.exr"):
+            apr.denoise_exr(a, b, **reading)
+    with pytest.raises(ValueError, match="exr"):
+        apr.denoise_exr(a, tmp_path / "c.png")
+    with pytest.raises(ValueError, match="exr"):
+        apr.write_exr(tmp_path / "c.png", noisy)
+    assert b.read_bytes() == before and sorted(tmp_path.iterdir()) == [a, b]
+    apr.denoise_exr(a, a)
+    assert not same(apr.read_exr(a)["color"], noisy), "in place"
+
+
+def test_mappings_pairs_and_numbers_of_numpy_are_taken():
+    noisy, _ = picture()
+    plain = apr.denoise(noisy, halves=(0.9 * noisy, 1.1 * noisy), features={"x": noisy}, options={"window_radius": 5})
+    frozen = types.MappingProxyType
+    for halves in ([0.9 * noisy, 1.1 * noisy], np.stack([0.9 * noisy, 1.1 * noisy])):
+        other = apr.denoise(noisy, halves=halves, features=frozen({"x": noisy}),
+                            options=frozen({"window_radius": np.int64(5)}))
+        assert same(plain["color"], other["color"])
+
+
+def test_halves_of_another_picture_are_told():
+    noisy, _ = picture()
+    notes = [apr.denoise(noisy, halves=(k * noisy, k * noisy + 0.01))["summary"]["notes"] for k in (1, 6)]
+    assert [any("average of halves" in note for note in some) for some in notes] == [False, True]
+
+
+@pytest.mark.skipif("fork" not in multiprocessing.get_all_start_methods(), reason="no fork here")
+def test_a_forked_process_denoises_too(tmp_path):
+    noisy, _ = picture()
+    path = tmp_path / "a.exr"
+
+    def work():
+        apr.denoise(noisy)
+        apr.write_exr(path, noisy)
+        apr.read_exr(path)
+
+    work()
+    child = multiprocessing.get_context("fork").Process(target=work)
+    child.start()
+    child.join(20)
+    hangs = child.is_alive()
+    child.kill()
+    assert not hangs and child.exitcode == 0
+
+
 @pytest.mark.parametrize("error, words, call", [
     (ValueError, r"\(20, 27, 4\).*alpha", lambda c: apr.denoise(np.concatenate([c, c[..., :1]], 2))),
     (ValueError, r"\(20, 27\).*height, width, 3", lambda c: apr.denoise(c[..., 0])),
@@ -131,6 +196,14 @@ def test_files_are_written_and_read_back(tmp_path):
     (ValueError, "balanced", lambda c: apr.denoise(c, preset="magic")),
     (ValueError, "max_order", lambda c: apr.denoise(c, options={"maxorder": 1})),
     (ValueError, "threads", lambda c: apr.denoise(c, threads=0)),
+    (ValueError, "1 to 1024", lambda c: apr.denoise(c, threads=1025)),
+    (ValueError, "1 to 1024", lambda c: apr.denoise_exr(CYCLES, "a.exr", threads=-1)),
+    (ValueError, "spp is 0", lambda c: apr.denoise(c, spp=0)),
+    (ValueError, "spp is inf", lambda c: apr.read_exr(CYCLES, spp=float("inf"))),
+    (ValueError, "spp is NaN", lambda c: apr.write_exr("a.exr", c, spp=float("nan"))),
+    (ValueError, r"options\['risk_power'\].*nan", lambda c: apr.denoise(c, options={"risk_power": float("nan")})),
+    (ValueError, "5×5.*27×20.*d.Y|d.Y.*5×5.*27×20",
+     lambda c: apr.write_exr("a.exr", c, layers={"d": np.zeros((5, 5))})),
     (ValueError, "pixel", lambda c: apr.denoise(c[:0])),
     (TypeError, "complex", lambda c: apr.denoise(c * 1j)),
     (TypeError, "str", lambda c: apr.denoise("render.exr")),

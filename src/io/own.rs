@@ -142,8 +142,12 @@ fn channels<'a>(frame: &'a Frame, header: &FrameHeader<'a>) -> Result<Vec<(Text,
         layer(&aov.name, &rgb, &aov.color);
     }
     for &(name, plane) in header.further {
-        if plane.size() != frame.color()[0].size() {
-            return Err(Error::new(ErrorKind::Internal, "differs from the colour in size").in_channel(name));
+        let ((w, h), (width, height)) = (plane.size(), frame.color()[0].size());
+        if (w, h) != (width, height) {
+            let what = format!("is {w}×{h} where the colour is {width}×{height}");
+            return Err(Error::new(ErrorKind::Lacking, what)
+                .in_channel(name)
+                .remedy("give both the same size"));
         }
         named.push((name.to_owned(), plane));
     }

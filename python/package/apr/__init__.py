@@ -38,8 +38,8 @@ def _reading(
         raise TypeError("aovs and further are sequences of names, not one name")
     return {
         "profile": profile,
-        "map": dict(map),
-        "features": dict(features),
+        "map": list(map.items()),
+        "features": list(features.items()),
         "variance_kind": variance_kind,
         "spp": spp,
         "half": half,
@@ -109,7 +109,7 @@ def denoise_exr(
 ) -> dict[str, Any]:
     """Denoises a file as the command line does: only the beauty (and ``aovs``) change, bit for bit.
 
-    ``output`` may be ``input``; it appears whole or not at all. With ``aux`` the layers ``apr.mse`` and
+    ``output`` ends in .exr and may be ``input``, but no other file that is read; it appears whole or not at all. With ``aux`` the layers ``apr.mse`` and
     ``apr.order`` are added. Returns layout, summary, sums and notes.
     """
     reading = _reading(profile, map, features, variance_kind, spp, half, further, aovs)

@@ -1,7 +1,7 @@
 """Types of the compiled part; what the functions do, `help` of each tells."""
 
 import os
-from typing import Any, Mapping, TypedDict
+from typing import Any, Mapping, Sequence, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +24,7 @@ def denoise(
     color: ArrayLike,
     *,
     variance: ArrayLike | None = None,
-    halves: tuple[ArrayLike, ArrayLike] | None = None,
+    halves: Sequence[ArrayLike] | ArrayLike | None = None,
     albedo: ArrayLike | None = None,
     normal: ArrayLike | None = None,
     position: ArrayLike | None = None,
@@ -32,7 +32,7 @@ def denoise(
     visibility: ArrayLike | None = None,
     features: Mapping[str, ArrayLike] | None = None,
     feature_variance: Mapping[str, ArrayLike] | None = None,
-    feature_halves: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    feature_halves: Mapping[str, Sequence[ArrayLike] | ArrayLike] | None = None,
     aovs: Mapping[str, ArrayLike] | None = None,
     spp: float | None = None,
     preset: str = "balanced",
