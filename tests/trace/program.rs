@@ -35,6 +35,40 @@ fn the_plan_gives_a_reason_for_every_effect() {
     assert!(text.lines().any(|line| line.starts_with("motion blur") && line.contains("no ")));
 }
 
+/// What a run that begins may take until it has something to show, on a machine that others use.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Waits for a checkpoint; its bytes, none where it did not come.
+fn first_checkpoint(path: &Path) -> Vec<u8> {
+    let start = Instant::now();
+    loop {
+        match std::fs::read(path) {
+            Err(_) if start.elapsed() < PATIENCE => std::thread::sleep(Duration::from_millis(2)),
+            bytes => return bytes.unwrap_or_default(),
+        }
+    }
+}
+
+/// However many samples are asked for: a fiftieth of these would take hours.
+#[test]
+fn checkpoints_are_kept_at_their_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [16, 12]), folder.path().join("out.exr"));
+    let mut reference = program();
+    reference.arg(&scene).arg(&out).args([
+        "--reference",
+        "2000000000",
+        "--checkpoint-every",
+        "0.2",
+        "--quiet",
+    ]);
+    let mut running = reference.spawn().unwrap();
+    let bytes = first_checkpoint(&folder.path().join("out.exr.checkpoint"));
+    running.kill().unwrap();
+    running.wait().unwrap();
+    assert!(!bytes.is_empty());
+}
+
 #[test]
 fn a_killed_reference_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
@@ -47,8 +81,10 @@ fn a_killed_reference_goes_on_where_it_was() {
         command
     };
     let mut killed = reference("7").spawn().unwrap();
+    let first = first_checkpoint(&checkpoint);
     let start = Instant::now();
-    while !checkpoint.exists() && start.elapsed() < Duration::from_secs(60) {
+    // One that replaced it holds more than one sample.
+    while std::fs::read(&checkpoint).is_ok_and(|now| now == first) && start.elapsed() < PATIENCE {
         std::thread::sleep(Duration::from_millis(2));
     }
     killed.kill().unwrap();
@@ -95,10 +131,7 @@ fn a_reference_that_cannot_be_written_keeps_its_checkpoint() {
     reference.arg(&scene).arg(&out).args(["--reference", "400", "--checkpoint-every", "0", "--quiet"]);
     reference.stderr(Stdio::piped());
     let running = reference.spawn().unwrap();
-    let start = Instant::now();
-    while !checkpoint.exists() && start.elapsed() < Duration::from_secs(60) {
-        std::thread::sleep(Duration::from_millis(2));
-    }
+    first_checkpoint(&checkpoint);
     std::fs::create_dir(&out).expect("it has not come to its end");
     let failed = running.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&failed.stderr).into_owned();

@@ -62,6 +62,11 @@ impl Checkpoint {
         }
     }
 
+    /// What a pass may take: little of the time between checkpoints, and enough to cost nothing by itself.
+    pub fn pass_time(&self) -> Duration {
+        (self.every / 4).max(Duration::from_millis(50))
+    }
+
     /// Writes it where it is time to.
     pub fn save_at_times(&mut self, renderer: &Renderer) -> Result<()> {
         if self.saved.elapsed() >= self.every { self.save(renderer) } else { Ok(()) }

@@ -76,7 +76,7 @@ struct Args {
     /// Stop --adaptive when the estimated mean relative squared error is at most E.
     #[arg(long, value_name = "E", requires = "adaptive", allow_negative_numbers = true)]
     target_error: Option<f32>,
-    /// Seconds between checkpoints.
+    /// Seconds between checkpoints, as near as a pass over all pixels allows.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
     /// Threads to use, at most 1024; all cores by default. The picture does not depend on it.
@@ -202,19 +202,30 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
     let mut done = checkpoint.restore(renderer, options.spp)?;
     let taken_up = renderer.film().drawn();
     let mut progress = Progress::new(args.quiet, options.spp, done);
-    // Few enough passes to cost nothing, enough of them for a progress to be seen.
-    let pass = options.spp.div_ceil(50).max(1);
+    // Few enough passes to cost nothing, enough of them for a progress to be seen and for checkpoints at their times.
+    let (mut pass, most) = (1, options.spp.div_ceil(50));
     while done < options.spp {
-        let count = pass.min(options.spp - done);
+        let (count, start) = (pass.min(options.spp - done), Instant::now());
         renderer.pass(Samples::Uniform(count))?;
         done += count;
         progress.set(done);
+        pass = next_pass(pass, start.elapsed(), checkpoint.pass_time()).min(most);
         if done < options.spp {
             checkpoint.save_at_times(renderer)?;
         }
     }
     let _ = checkpoint.save(renderer); // on a full disk there may be room for the picture all the same
     Ok(taken_up)
+}
+
+/// Samples of the next pass after one of `count` that `took` this long: twice as many until a pass takes the time that
+/// is `wanted`.
+fn next_pass(count: u32, took: Duration, wanted: Duration) -> u32 {
+    match took {
+        _ if took < wanted / 2 => count.saturating_mul(2),
+        _ if took > wanted => (count / 2).max(1),
+        _ => count,
+    }
 }
 
 /// Samples over all pixels, and what those of this run took.
@@ -260,4 +271,22 @@ fn finish(
         before => format!(" after {before} of an earlier run"),
     };
     print(&format!("{}: {} samples in {seconds:.2} s{before}, {rate:.2} M/s", out.display(), drawn.now))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn passes_come_to_the_time_that_is_wanted_whatever_a_sample_takes() {
+        let wanted = Duration::from_secs(4);
+        for sample in [Duration::from_micros(3), Duration::from_millis(700), Duration::from_secs(60)] {
+            let after = (0..40).fold(1, |count, _| next_pass(count, count * sample, wanted));
+            assert!(
+                after == 1 || after * sample <= wanted && after * sample >= wanted / 2,
+                "{after} of {sample:?}"
+            );
+        }
+        assert_eq!(next_pass(8, Duration::from_secs(9), wanted), 4);
+    }
 }
