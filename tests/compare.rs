@@ -213,3 +213,27 @@ fn other_pictures_of_a_file_are_told() {
     ]));
     assert_eq!((code, said.as_str(), &answer["channels"][0]), (Some(0), "", &"Rear.Combined.R".into()));
 }
+
+/// Blender's denoised picture would pass for the noise.
+#[test]
+fn what_the_renderer_may_have_denoised_itself_is_told() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/blender");
+    let (render, reference) = (fixtures.join("room_seed1.exr"), fixtures.join("room_ref.exr"));
+    let ours = folder("denoised_by_the_renderer").join("ours.exr");
+    let denoise = Command::new(env!("CARGO_BIN_EXE_apr-denoise"))
+        .args([&render, &ours])
+        .args(["--preset", "fast", "--quiet"])
+        .status();
+    assert!(denoise.unwrap().success());
+    let output = compare(&[&ours, &reference, &render]);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && said.matches("may have denoised").count() == 1, "{said}");
+    let noisy = ["R", "G", "B"].map(|channel| format!("ViewLayer.Noisy Image.{channel}")).join(",");
+    assert!(said.contains("room_seed1.exr: ") && said.contains(&format!("--map color='{noisy}'")), "{said}");
+
+    let map = |map: String| ["--map".to_owned(), map];
+    let maps = [map(format!("color={noisy}")), map("reference=ViewLayer.Combined".to_owned())].concat();
+    let maps: Vec<&Path> = maps.iter().map(Path::new).collect();
+    let output = compare(&[&[render.as_path(), &reference][..], &maps].concat());
+    assert!(output.status.success() && output.stderr.is_empty());
+}

@@ -6,10 +6,12 @@ use exr::meta::attribute::IntegerBounds;
 
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
+use super::layers::Channel;
 use super::mapping::Mapping;
 use super::picture::ReadOptions;
 use super::recognize::{detect, layers};
 use super::region::{bounds, numbers, text, told};
+use super::rewrite::signature_in;
 use super::roles::Casting;
 use super::source::{mapped_choices, no_color, told_name};
 use crate::error::{Error, ErrorKind, Result};
@@ -22,6 +24,7 @@ pub struct Beauty {
     places: Vec<ChannelAt>,
     channels: Vec<String>,
     others: Vec<String>,
+    noisy: Vec<String>,
 }
 
 impl Beauty {
@@ -43,11 +46,14 @@ impl Beauty {
         let casting = Casting::new(&layers, detect(&documents[0], &layers), &mapped);
         let color = casting.color().ok_or_else(|| no_color(&layers))?;
         let beauty = casting.beauty(&color);
-        let channels = beauty.iter().map(|&channel| told_name(&documents, channel)).collect();
+        let told = |channels: &[Channel]| channels.iter().map(|&c| told_name(&documents, c)).collect();
+        let (channels, read) = (told(&beauty), told(&color.mean.channels));
+        let ours = documents[0].headers().iter().any(|header| signature_in(header).is_some());
+        let noisy = if ours || read == channels { Vec::new() } else { read };
         let places = beauty.iter().map(|channel| channel.at).collect();
         let others = casting.other_colors(&color);
         let [document] = documents;
-        Ok(Self { document, places, channels, others })
+        Ok(Self { document, places, channels, others, noisy })
     }
 
     /// The colour's channels.
@@ -58,6 +64,12 @@ impl Beauty {
     /// What could have been the colour as well: the picture of the other eye, of another view layer.
     pub fn others(&self) -> &[String] {
         &self.others
+    }
+
+    /// The channels of the noisy picture that the file has besides, where the renderer may have denoised the colour
+    /// itself: what [`Picture::read`](super::Picture::read) reads. None in this program's own results.
+    pub fn noisy(&self) -> &[String] {
+        &self.noisy
     }
 
     /// The colour's data window.

@@ -103,7 +103,16 @@ impl Compared {
             let path = path.display();
             format!("{path}: {channels} are compared; '{others}' could be the colour as well: choose by --map color=…")
         });
-        window.into_iter().chain(unsure).collect()
+        let denoised = files.iter().filter(|(_, file)| arguments.map.is_empty() && !file.noisy().is_empty());
+        let denoised = denoised.map(|(path, file)| {
+            let (channels, noisy) = (file.channels().join(", "), file.noisy().join(","));
+            format!(
+                "{}: {channels} are compared, which the renderer may have denoised: the noisy picture is in {noisy}; \
+                 compare it in a run of its own by --map color='{noisy}' --map reference=…",
+                path.display()
+            )
+        });
+        window.into_iter().chain(unsure).chain(denoised).collect()
     }
 }
 
