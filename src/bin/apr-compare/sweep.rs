@@ -68,7 +68,7 @@ struct Rival {
 pub fn run(arguments: &SweepArguments) -> Result<String> {
     let variants = variants(arguments.variants.as_deref())?;
     let rivals = rivals(arguments.rivals.as_deref())?;
-    check_files(arguments, &rivals)?;
+    check_files(arguments, &variants, &rivals)?;
     tell_of_strangers(arguments, &rivals);
     let reference_file = Picture::read(&arguments.reference, &ReadOptions::default())?;
     let reference = reference_file.frame().color();
@@ -219,22 +219,43 @@ fn tell_of_strangers(arguments: &SweepArguments, rivals: &[Rival]) {
     }
 }
 
-/// Checks that the page and its charts, whose names follow from the inputs', replace nothing that is read and not
-/// one another.
-fn check_files(arguments: &SweepArguments, rivals: &[Rival]) -> Result<()> {
+/// Checks that the page, its charts and its pictures, whose names follow from those of inputs, variants and rivals,
+/// replace nothing that is read and not one another.
+fn check_files(arguments: &SweepArguments, variants: &[Variant], rivals: &[Rival]) -> Result<()> {
     let charts = names(&arguments.inputs)
         .flat_map(|name| ["time", "calibration"].map(|chart| format!("{chart}-{}.svg", plain(&name))));
     let pages = ["index.html", "sweep.json", "samples.svg"].map(str::to_owned);
-    let written: Vec<PathBuf> = charts.chain(pages).map(|name| arguments.out.join(name)).collect();
+    let written = charts.chain(pages).map(|name| ("a part of the page".to_owned(), name));
+    let written = written.chain(pictures(arguments, variants, rivals));
+    let written: Vec<_> = written.map(|(role, name)| (role, arguments.out.join(name))).collect();
     let files = arguments.inputs.iter().chain([&arguments.reference]).chain(&arguments.variants);
     let read = files.chain(&arguments.rivals).chain(rivals.iter().map(|rival| &rival.picture));
     io::check_apart(
         read.map(|path| RunFile { role: "what the sweep reads", path }),
-        written.iter().map(|path| RunFile { role: "a part of the page", path }),
+        written.iter().map(|(role, path)| RunFile { role, path }),
     )
     .map_err(|error| {
-        error.remedy("give inputs names of their own, and the page a folder of its own by --out")
+        error.remedy(
+            "give inputs, variants and rivals names that differ in letters or numbers, and the page a folder of its own \
+             by --out",
+        )
     })
+}
+
+/// What the pictures that show each render and result are called, and their files.
+fn pictures(arguments: &SweepArguments, variants: &[Variant], rivals: &[Rival]) -> Vec<(String, String)> {
+    let of_input = |(input, path): (String, &PathBuf)| {
+        let rivals = rivals.iter().filter(|rival| io::is_same_file(&rival.input, path));
+        let results = variants.iter().map(|variant| &variant.name).chain(rivals.map(|rival| &rival.name));
+        let shown = ["reference", "noisy"].into_iter().chain(results.map(String::as_str));
+        let picture = |name: &str| (format!("the picture of '{name}'"), picture_file(&input, name));
+        shown.map(picture).collect::<Vec<_>>()
+    };
+    names(&arguments.inputs).zip(&arguments.inputs).flat_map(of_input).collect()
+}
+
+fn picture_file(input: &str, layer: &str) -> String {
+    format!("pictures/{}-{}.png", plain(input), plain(layer))
 }
 
 fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
@@ -251,8 +272,7 @@ fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
         put(&format!("time-{name}.svg"), &time.svg())?;
         put(&format!("calibration-{name}.svg"), &calibration.svg())?;
         for layer in &input.layers {
-            let file = format!("pictures/{name}-{}.png", plain(&layer.name));
-            io::write_bytes(folder.join(file), &layer.png)?;
+            io::write_bytes(folder.join(picture_file(&input.name, &layer.name)), &layer.png)?;
         }
     }
     Ok(())
