@@ -12,27 +12,58 @@ const TEMPLATE: &str = include_str!("page.html");
 pub fn page(sweep: &Sweep) -> String {
     let svgs = |charts: Vec<Chart>| charts.iter().map(Chart::svg).collect::<String>();
     let values = [
-        ("{{REFERENCE}}", escape(&sweep.reference)),
-        ("{{FLOOR}}", floor(sweep)),
-        ("{{TIME_CHARTS}}", svgs(time_charts(sweep))),
-        ("{{SPP_CHART}}", spp_chart(sweep).svg()),
-        ("{{SLOPES}}", slopes(sweep)),
-        ("{{EQUAL_TIME}}", equal_time(sweep)),
-        ("{{CALIBRATION_CHARTS}}", svgs(calibration_charts(sweep))),
-        ("{{CALIBRATION}}", calibration(sweep)),
-        ("{{SCORES}}", scores(sweep)),
-        ("{{LAYERS}}", layers(sweep)), // last: file names in it could look like a place to fill
+        ("REFERENCE", escape(&sweep.reference)),
+        ("NOISE", noise(sweep)),
+        ("TIME_CHARTS", svgs(time_charts(sweep))),
+        ("SPP_CHART", spp_chart(sweep).svg()),
+        ("SLOPES", slopes(sweep)),
+        ("EQUAL_TIME", equal_time(sweep)),
+        ("CALIBRATION_CHARTS", svgs(calibration_charts(sweep))),
+        ("CALIBRATION", calibration(sweep)),
+        ("SCORES", scores(sweep)),
+        ("LAYERS", layers(sweep)),
     ];
-    values.iter().fold(TEMPLATE.to_string(), |page, (place, value)| page.replacen(place, value, 1))
+    filled(TEMPLATE, &values)
 }
 
-fn floor(sweep: &Sweep) -> String {
-    match sweep.reference_noise {
-        Some(noise) => format!("The reference's own noise adds {noise:.6} to every relMSE on this page."),
-        None => {
-            "The reference's own noise is in every figure; how much that is, the file does not tell.".into()
-        }
+/// `template` with its places `{{NAME}}` filled. In one pass: names of files and runs, which values hold, may look like
+/// places themselves.
+fn filled(template: &str, values: &[(&str, String)]) -> String {
+    let mut pieces = template.split("{{");
+    let mut page = pieces.next().unwrap_or_default().to_owned();
+    for piece in pieces {
+        let (place, rest) = piece.split_once("}}").expect("the template closes its places");
+        let value = values.iter().find(|(name, _)| *name == place);
+        page += &value.expect("every place of the template has a value").1;
+        page += rest;
     }
+    page
+}
+
+/// What the reference's own noise does to the figures.
+fn noise(sweep: &Sweep) -> String {
+    let Some(noise) = sweep.reference_noise else {
+        return "The reference's own noise is in every figure; how much that is, the file does not tell."
+            .into();
+    };
+    let drowned = match sweep.drowned() {
+        0 => String::new(),
+        1 => {
+            " One result is nearer to the reference than that: it has no point, and its run no slope.".into()
+        }
+        n => format!(
+            " {n} results are nearer to the reference than that: they have no point, and their runs no slope."
+        ),
+    };
+    format!(
+        "The reference's own noise adds {noise:.6} to every relMSE of the last table; in charts, slopes and equal times it \
+         is taken off.{drowned}"
+    )
+}
+
+/// What [`Sweep::error`] is called.
+fn error_name(sweep: &Sweep) -> &'static str {
+    if sweep.reference_noise.is_some() { "relMSE less the reference's noise" } else { "relMSE" }
 }
 
 /// Error against seconds, one chart for each input, the Pareto front joined by a line.
@@ -52,7 +83,7 @@ fn time_chart(sweep: &Sweep, input: &Input) -> Chart {
     Chart {
         title: format!("{}{}", input.name, input.spp.map_or(String::new(), |spp| format!(", {spp} spp"))),
         x: "seconds".into(),
-        y: "relMSE".into(),
+        y: error_name(sweep).into(),
         series: vec![
             Series { name: "Pareto front".into(), points: best, line: true, discs: true },
             Series { name: "other runs".into(), points: points(false), line: false, discs: true },
@@ -71,7 +102,7 @@ pub fn spp_chart(sweep: &Sweep) -> Chart {
     Chart {
         title: "Error against samples".into(),
         x: "samples per pixel".into(),
-        y: "relMSE".into(),
+        y: error_name(sweep).into(),
         series: std::iter::once(None).chain(names(sweep).into_iter().map(Some)).map(series).collect(),
     }
 }
@@ -123,11 +154,11 @@ fn equal_time(sweep: &Sweep) -> String {
     let heads = [
         "run",
         "seconds",
-        "relMSE",
+        error_name(sweep),
         "as good as spp",
         "break-even, s per sample",
         "samples bought",
-        "relMSE with them",
+        "the same with them",
     ];
     let of = |input: &Input| {
         let row = |run: &Run| {
@@ -232,4 +263,15 @@ fn layers(sweep: &Sweep) -> String {
         .collect();
     // HTML looks for its own marks inside scripts' strings too.
     serde_json::Value::from(inputs).to_string().replace('<', "\\u003c")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_looks_like_a_place_in_a_value_is_none() {
+        let values = [("A", "{{B}} {{".to_owned()), ("B", "b".to_owned())];
+        assert_eq!(filled("<{{A}}{{B}}>", &values), "<{{B}} {{b>");
+    }
 }

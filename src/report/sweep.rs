@@ -93,6 +93,15 @@ impl Sweep {
         scores.rel_mse - self.reference_noise.unwrap_or(0.0)
     }
 
+    /// How many pictures, renders and results, have an [error](Self::error) that the reference's noise hides.
+    pub fn drowned(&self) -> usize {
+        let scores = |input: &Input| {
+            let all = input.runs.iter().map(|run| &run.scores).chain([&input.noisy]);
+            all.filter(|scores| self.error(scores) <= 0.0).count()
+        };
+        self.inputs.iter().map(scores).sum()
+    }
+
     /// What the seconds of `run` on `input` would have bought; `None` when its seconds or the samples
     /// per pixel are not known, or its error drowns in the reference's noise.
     pub fn equal_time(&self, input: &Input, run: &Run) -> Option<EqualTime> {
@@ -192,7 +201,7 @@ mod tests {
         sweep.sample_seconds = None;
         let bad = of(&sweep, 1).unwrap();
         assert_eq!((bad.break_even_sample_seconds, bad.bought), (f64::INFINITY, None));
-        assert_eq!(of(&sweep, 2), None);
+        assert_eq!((of(&sweep, 2), sweep.drowned()), (None, 1));
     }
 
     #[test]
