@@ -394,3 +394,13 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
     let mean = densities.iter().sum::<f32>() / densities.len() as f32;
     assert!((mean - 1.0).abs() < 1e-4 && densities.iter().any(|&d| d != densities[0]), "{mean}");
 }
+
+/// What is wrong with a number is told of it, not of an option that it would be.
+#[test]
+fn numbers_below_zero_are_refused_as_numbers() {
+    for option in ["--spp", "--target-error"] {
+        let output = program().args(["in.exr", "out.exr", option, "-4"]).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && said.contains("expected a number above 0"), "{said}");
+    }
+}

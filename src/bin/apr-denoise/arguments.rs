@@ -152,7 +152,7 @@ pub struct Arguments {
     #[arg(long, value_name = "KIND", value_parser = variance_kind(), help_heading = "Channels")]
     pub variance_kind: Option<VarianceKind>,
     /// Samples per pixel; overrides the header.
-    #[arg(long, value_name = "N", value_parser = positive, help_heading = "Channels")]
+    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true, help_heading = "Channels")]
     pub spp: Option<f32>,
 
     /// Denoise by this method: apr is this program's own, the others are those that it is measured against.
