@@ -100,9 +100,9 @@ fn chosen(preset: &str, options: Option<&Bound<'_, PyMapping>>) -> PyResult<Opti
     })?;
     let mut chosen = (preset.1)();
     for (name, value) in items(options)? {
-        let value = frame::to_json(&value)
-            .map_err(|error| PyValueError::new_err(format!("options['{name}']: {error}")))?;
-        chosen = chosen.with(&name, value).map_err(raised)?;
+        let json = frame::to_json(&value)
+            .map_err(|error| PyValueError::new_err(format!("options['{name}'] is {value}: {error}")))?;
+        chosen = chosen.with(&name, json).map_err(raised)?;
     }
     chosen.check().map_err(raised)?;
     Ok(chosen)
