@@ -36,8 +36,18 @@ impl Default for SamplingOptions {
 }
 
 /// The estimated relative squared error (as in relMSE) of every pixel, ≥ 0; 0 everywhere where the method has no estimate.
+/// The estimate is the mean over the channels, and is held against that of their light: a saturated colour's error
+/// is its bright channel's.
 pub fn relative_error(denoised: &Denoised) -> Plane {
-    relative(&denoised.color, |_, x, y| denoised.mse.get(x, y))
+    relative_mean(&denoised.mse, &denoised.color)
+}
+
+/// `squares`, a mean over the channels, relative to the `picture`'s light as in relMSE.
+pub(crate) fn relative_mean(squares: &Plane, picture: &Rgb) -> Plane {
+    Plane::par_from_fn(squares.width(), squares.height(), |x, y| {
+        let light = picture.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>() / 3.0;
+        squares.get(x, y) / (light + REL_MSE_EPSILON as f32)
+    })
 }
 
 /// The `squares` of a picture's channels, pixel by pixel, relative to its light as in relMSE: mean over the channels.

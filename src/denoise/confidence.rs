@@ -2,29 +2,21 @@
 //!
 //! The risk ξ of the fits is their own, and sure of itself where all of them are wrong alike: in light that few samples
 //! have found it is a hundredth of the true error, beside lamps, whose fits speak for the dark pixels too, a hundred
-//! times as large. What the last stage changed of the stage before, Δ² = |ŷ − μ̂|², knows better.
+//! times as large. What the last stage changed of the stage before, Δ² = |ŷ − μ̂|², is too little where stages agree.
+//! Their geometric mean is better than either.
 //!
-//! `[choice]` with every term over the light l = ŷ² + ε, E/l = κ (Δ²/l)^¾ (ξ/l)^¼ (σ²/l)^¼, means over 5×5 pixels. The
-//! exponents and κ are of a search over thirteen scenes at 16, 64 and 256 spp. Estimated over true relMSE, its geometric
-//! mean and the factor that is one deviation over the scenes, against ξ alone:
+//! `[choice]` with both over the light l = ŷ² + ε, E/l = κ √(Δ²/l · ξ/l), means over the 5×5 pixels around, each as
+//! much as its light is like the middle's: by min/max of √l. What a lamp may be wrong by is not the wall's beside it, nor is the
+//! wall's the lamp's. Estimated over true relMSE, its geometric mean and the factor that is one deviation over the scenes:
 //!
-//! | | spp | ξ | E |
-//! |---|--:|--:|--:|
-//! | the thirteen | 16 | 0.49, ×5.8 | 1.30, ×2.2 |
-//! | | 64 | 1.24, ×3.2 | 1.28, ×1.9 |
-//! | | 256 | 1.50, ×4.6 | 0.89, ×2.1 |
-//! | five others | 16 | 0.55, ×2.8 | 0.75, ×1.3 |
-//! | | 64 | 1.25, ×4.2 | 0.70, ×1.4 |
-//! | | 256 | 2.57, ×6.5 | 0.91, ×1.3 |
-//!
-//! Too sure of itself it is where both stages keep pixels as they are: ×0.2 on fine foliage at 256 spp.
+//! TABLE
 
 use super::reconstruct::Reconstruction;
-use super::variance::smooth;
-use crate::image::{Plane, Rgb, mean_of_channels};
+use crate::image::{Plane, mean_of_channels};
+use std::ops::RangeInclusive;
 
 /// κ.
-const SCALE: f32 = 4.5;
+const SCALE: f32 = 1.1;
 
 /// Relative squares are no larger than this, so that their products stay in `f32`.
 const LARGEST: f32 = 1e12;
@@ -32,23 +24,42 @@ const LARGEST: f32 = 1e12;
 /// Radius over which all is averaged.
 pub const RADIUS: usize = 2;
 
-/// Fills in the estimated error of a result whose noise was `variance`, all exposed. A result of a single stage has its
-/// fits' risk alone.
-pub fn estimate(result: &mut Reconstruction, variance: &Rgb, dark_level: f32) {
+/// Fills in the estimated error of a result, all exposed. A result of a single stage has its fits' risk alone.
+pub fn estimate(result: &mut Reconstruction, dark_level: f32) {
     let Some(change) = result.change.take() else { return };
     let mut light = mean_of_channels(&result.color());
-    light.change(|light| light.powi(2) + dark_level.powi(2));
+    light.change(|light| light.hypot(dark_level));
     let relative = |mut plane: Plane| {
-        plane.combine(&light, |squares, light| (squares / light).min(LARGEST));
-        smooth(&plane, RADIUS) // what a lamp may be wrong by is not the wall's beside it
+        plane.combine(&light, |squares, light| (squares / (light * light)).min(LARGEST));
+        among_alike(&plane, &light)
     };
     let risk = std::mem::replace(&mut result.mse, Plane::filled(0, 0, 0.0));
-    let [change, risk, noise] = [change, risk, mean_of_channels(variance)].map(relative);
+    let [change, risk] = [change, risk].map(relative);
     result.mse = Plane::par_from_fn(light.width(), light.height(), |x, y| {
-        let [change, risk, noise] = [&change, &risk, &noise].map(|plane| plane.get(x, y));
-        let error = (change * (change * risk * noise).sqrt()).sqrt(); // the same on all machines, which powers are not
-        (SCALE * light.get(x, y) * error).min(f32::MAX)
+        let error = (change.get(x, y) * risk.get(x, y)).sqrt();
+        (SCALE * light.get(x, y).powi(2) * error).min(f32::MAX)
     });
+}
+
+/// The mean over the pixels around every pixel, each as much as its `light` is like the pixel's.
+fn among_alike(plane: &Plane, light: &Plane) -> Plane {
+    let (width, height) = plane.size();
+    let around = |at: usize, limit: usize| -> RangeInclusive<usize> {
+        at.saturating_sub(RADIUS)..=(at + RADIUS).min(limit - 1)
+    };
+    Plane::par_from_fn(width, height, |x, y| {
+        let own = light.get(x, y);
+        let (mut sum, mut total) = (0.0, 0.0);
+        for row in around(y, height) {
+            let columns = around(x, width);
+            for (value, other) in plane.row(row)[columns.clone()].iter().zip(&light.row(row)[columns]) {
+                let alike = own.min(*other) / own.max(*other);
+                sum += alike * value;
+                total += alike;
+            }
+        }
+        sum / total
+    })
 }
 
 #[cfg(test)]
@@ -60,15 +71,15 @@ mod tests {
     fn estimated(light: impl Fn(usize) -> f32, change: impl Fn(usize) -> f32, scale: f32) -> Plane {
         let plane = |of: &dyn Fn(usize) -> f32| Plane::from_fn(SIZE.0, SIZE.1, |x, _| of(x));
         let mut result = Reconstruction::exact(vec![plane(&|x| light(x) * scale.sqrt()); 3]);
-        result.mse = plane(&|_| 0.02 * scale);
+        result.mse = plane(&|x| 2.0 * change(x) * scale);
         result.change = Some(plane(&|x| change(x) * scale));
-        estimate(&mut result, &std::array::from_fn(|_| plane(&|_| 0.5 * scale)), scale.sqrt());
+        estimate(&mut result, scale.sqrt());
         result.mse
     }
 
     #[test]
     fn the_estimate_is_the_formula_and_scales_with_the_light() {
-        let expected = SCALE * 2.0 * (0.005f32.powi(3) * 0.01 * 0.25).powf(0.25); // l = 1² + 1²
+        let expected = SCALE * (0.01f32 * 0.02).sqrt();
         for scale in [1.0, 1024.0, 1e-6] {
             let mse = estimated(|_| 1.0, |_| 0.01, scale);
             assert!(mse.data().iter().all(|e| (e / (expected * scale) - 1.0).abs() < 1e-4), "{scale}");
@@ -77,17 +88,23 @@ mod tests {
     }
 
     #[test]
-    fn what_a_lamp_changed_by_is_not_what_the_wall_beside_it_is_wrong_by() {
+    fn what_a_lamp_is_wrong_by_is_not_the_walls_beside_it_nor_the_walls_the_lamps() {
         let lamp = |x: usize| if x < 12 { 0.1 } else { 1000.0 };
-        let mse = estimated(lamp, |x| 1e-4 * lamp(x).powi(2), 1.0);
-        assert!(mse.get(11, 4) < 1e-2 && mse.get(12, 4) > 1.0, "{} {}", mse.get(11, 4), mse.get(12, 4));
+        let of = |wall: f32, lamps: f32| {
+            let mse = estimated(lamp, |x| if x < 12 { wall } else { lamps * 1e6 }, 1.0);
+            [mse.get(11, 4), mse.get(12, 4) / 1e6].map(|e| e / (SCALE * 2.0f32.sqrt()))
+        };
+        let [wall, _] = of(1e-4, 1e-2); // of its square each: a lamp that is the more uncertain
+        assert!((1e-4..3e-4).contains(&wall), "{wall}");
+        let [_, lamp] = of(1.0, 1e-4); // a wall that is
+        assert!((1e-4..1.2e-3).contains(&lamp), "{lamp}");
     }
 
     #[test]
     fn a_single_stage_has_its_own_risk() {
         let mut result = Reconstruction::exact(vec![Plane::filled(4, 3, 1.0); 3]);
         result.mse = Plane::filled(4, 3, 0.25);
-        estimate(&mut result, &std::array::from_fn(|_| Plane::filled(4, 3, 9.0)), 0.4);
+        estimate(&mut result, 0.4);
         assert!(result.mse.data().iter().all(|e| *e == 0.25));
     }
 }

@@ -136,7 +136,7 @@ fn run(
     }
 
     log.begin(Stage::Energy);
-    confidence::estimate(&mut result, &signal.smoothed, options.dark_level);
+    confidence::estimate(&mut result, options.dark_level);
     if options.restore {
         restore::apply(&mut result, &signal);
     }

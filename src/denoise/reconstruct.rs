@@ -50,9 +50,6 @@ const NEGLIGIBLE_NOISE: f32 = 1e-4;
 /// The floor of the risk in the average, as a share of the dark level's square.
 const RISK_FLOOR: f32 = 0.01;
 
-/// Risks are limited to this, so that their sums stay finite.
-const LARGEST_RISK: f32 = 1e30;
-
 /// Estimated deviations of the pilot by which a pixel is certainly brighter.
 const CERTAINTY: f32 = 2.0;
 
@@ -357,28 +354,30 @@ fn center(
     let dark = options.dark_level * options.dark_level;
     let energy = |light: f32| light.max(0.0).powi(2) + dark;
     let floor = RISK_FLOOR * options.dark_level * options.dark_level;
+    // The root is the same on all machines, which powers are not.
+    let power = options.risk_power;
+    let trust = |risk: f32| if power == 0.5 { risk.sqrt().recip() } else { risk.powf(-power) };
     let here = problem.pilot.map_or(f32::INFINITY, |pilot| energy(pilot.light(cx, cy)));
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
-        let (xi, order) = ((fitted.choice.xi as f32).min(LARGEST_RISK), fitted.choice.order);
+        let order = fitted.choice.order;
         let own = fitted.samples.of_frame(0);
         let spots = fitted.samples.spots(own.clone());
         certain.resize(own.len(), 0.0);
-        // In the first stage the risk is that of noisy data: it would favour chance.
-        let trust = problem.pilot.map_or(1.0, |pilot| {
-            fitted.samples.gather(&pilot.certain, 0, 0.0, &mut certain);
-            (xi + floor).powf(-options.risk_power)
-        });
         amounts.clear();
-        amounts.extend(spots.iter().zip(fitted.samples.kernel()).zip(&certain).map(
-            |((spot, k), certain)| {
-                let [x, y] = spot.map(usize::from);
+        amounts.extend(spots.iter().zip(fitted.samples.kernel()).map(|(spot, k)| {
+            let [x, y] = spot.map(usize::from);
+            k * taper[x] * taper[y]
+        }));
+        // In the first stage the risk is that of noisy data: it would favour chance.
+        if let Some(pilot) = problem.pilot {
+            fitted.samples.gather(&pilot.certain, 0, 0.0, &mut certain);
+            for ((a, xi), certain) in amounts.iter_mut().zip(fitted.risks).zip(&certain) {
                 let there = energy(*certain);
-                let dim =
-                    if there > here { (2.0 * here / (here + there)).powf(options.risk_power) } else { 1.0 };
-                k * trust * dim * taper[x] * taper[y]
-            },
-        ));
+                let dark = if there > here { (here + there) / (2.0 * here) } else { 1.0 };
+                *a *= trust((xi + floor) * dark);
+            }
+        }
         for (t, predicted) in fitted.predicted.chunks_exact(own.len()).enumerate() {
             // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
             // do not join the average, and the coverage test sees the gap. Black blotches were what they left.
@@ -400,7 +399,7 @@ fn center(
             for (sum, predicted) in targets.iter_mut().zip(fitted.predicted.chunks_exact(own.len())) {
                 *sum += a * predicted[i];
             }
-            for (sum, term) in extra.iter_mut().zip([a, a * xi, a * order, k]) {
+            for (sum, term) in extra.iter_mut().zip([a, a * fitted.risks[i], a * order, k]) {
                 *sum += term;
             }
         }

@@ -62,13 +62,18 @@ impl Pilot {
 /// knows of (docs/TEMPORAL.md).
 const BALANCE: i32 = 4;
 
+/// Risks are limited to this, so that their sums stay finite.
+const LARGEST_RISK: f32 = 1e30;
+
 /// What is to be had of a fit.
 pub struct Fitted<'a> {
     /// The pixels that it speaks for are the first frame's.
     pub samples: &'a Samples,
     /// Reconstruction of every target at those pixels, target after target.
     pub predicted: &'a [f32],
-    /// ξ, order and shrinkage.
+    /// ξ at those pixels, at most [`LARGEST_RISK`].
+    pub risks: &'a [f32],
+    /// Order and shrinkage.
     pub choice: &'a Choice,
 }
 
@@ -92,6 +97,7 @@ pub struct Solver<'a> {
     factor: Factor,
     choice: Choice,
     predicted: Vec<f32>,
+    risks: Vec<f32>,
 }
 
 /// A fit to be compiled for every kind of vectors. A closure would not be inlined into them, and ran on the
@@ -130,13 +136,19 @@ impl<'a> Solver<'a> {
             factor: Factor::default(),
             choice: Choice::default(),
             predicted: vec![],
+            risks: vec![],
         }
     }
 
     /// Fits the window with one kernel.
     pub fn fit(&mut self, window: &Window, kernel: Kernel) -> Fitted<'_> {
         self.arch.dispatch(Run { solver: self, window, kernel });
-        Fitted { samples: &self.samples, predicted: &self.predicted, choice: &self.choice }
+        Fitted {
+            samples: &self.samples,
+            predicted: &self.predicted,
+            risks: &self.risks,
+            choice: &self.choice,
+        }
     }
 
     #[inline(always)]
@@ -164,7 +176,8 @@ impl<'a> Solver<'a> {
         self.predicted.extend(self.problem.targets.iter().map(|plane| at(plane)));
         self.choice.best = 0;
         self.choice.order = 0.0;
-        self.choice.xi = f64::from(at(self.problem.noise)) / 3.0;
+        self.risks.clear();
+        self.risks.push((at(self.problem.noise) / 3.0).min(LARGEST_RISK));
     }
 
     /// All between the weights and the Gram matrices; returns the factor that radiance was scaled by.
@@ -369,7 +382,8 @@ impl<'a> Solver<'a> {
     }
 
     /// Evaluates the chosen model at the samples of this frame and puts ξ and the prediction into the targets'
-    /// units.
+    /// units. `[choice]` ξ of a fit of colour over albedo times every pixel's own albedo squared, not their mean: relMSE
+    /// ×0.997 on five scenes, ×0.999 on thirteen others.
     #[inline(always)]
     fn predict(&mut self, scale: f32, albedo: Option<&Rgb>) {
         let targets = self.problem.targets.len();
@@ -387,20 +401,23 @@ impl<'a> Solver<'a> {
                 }
             }
         }
-        self.choice.xi /= f64::from(scale) * f64::from(scale);
+        let risk = (self.choice.xi / (f64::from(scale) * f64::from(scale))) as f32;
+        self.risks.clear();
+        self.risks.resize(own.len(), risk.min(LARGEST_RISK));
         if let Some(albedo) = albedo {
-            let weights = &self.weights[own.clone()];
-            let mut squares = 0.0;
-            self.scratch.resize(own.len(), 0.0);
+            self.scratch.resize(2 * own.len(), 0.0);
+            let (values, squares) = self.scratch.split_at_mut(own.len());
+            squares.fill(0.0);
             for (t, out) in self.predicted.chunks_exact_mut(own.len()).enumerate() {
-                self.samples.gather(&albedo[t % 3], 0, 0.0, &mut self.scratch);
-                out.iter_mut().zip(&self.scratch).for_each(|(out, a)| *out *= a);
+                self.samples.gather(&albedo[t % 3], 0, 0.0, values);
+                out.iter_mut().zip(&*values).for_each(|(out, a)| *out *= a);
                 if t < 3 {
-                    squares += self.scratch.iter().zip(weights).map(|(a, w)| w * a * a).sum::<f32>();
+                    squares.iter_mut().zip(&*values).for_each(|(sum, a)| *sum += a * a);
                 }
             }
-            let weight = 3.0 * weights.iter().sum::<f32>();
-            self.choice.xi *= f64::from(squares / weight.max(f32::MIN_POSITIVE));
+            for (risk, squares) in self.risks.iter_mut().zip(&*squares) {
+                *risk = (*risk * squares / 3.0).min(LARGEST_RISK);
+            }
         }
     }
 }

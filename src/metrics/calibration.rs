@@ -1,13 +1,15 @@
 //! Is the estimated error true? How well a denoiser knows what it got wrong.
 
-use super::{check, mean};
+use super::{check, mean, rel_mse};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
+use crate::sampling::relative_mean;
 
 /// Pixels are sorted by their estimate and cut into this many groups, equal in size to one.
 const GROUPS: usize = 10;
 
-/// The estimated mean squared error beside the true one.
+/// The estimated squared error beside the true one, both relative as in relMSE: of the absolute ones a few bright
+/// pixels are the most.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Calibration {
     /// Mean estimate over mean true error: 1 is unbiased, less is too confident. `null` in JSON
@@ -22,7 +24,8 @@ pub struct Calibration {
     pub groups: Vec<(f64, f64)>,
 }
 
-/// Judges the estimated error `mse` (squared error averaged over the channels, one value a pixel).
+/// Judges the estimated error `mse` (squared error averaged over the channels, one value a pixel), which is held
+/// against the mean of the reference's channels squared.
 ///
 /// # Errors
 /// When the sizes differ or a pixel of the pictures or the estimate is NaN or infinite.
@@ -38,14 +41,9 @@ pub fn calibration(mse: &Plane, result: &Rgb, reference: &Rgb) -> Result<Calibra
             format!("the estimated error is not finite at pixel ({x}, {y})"),
         ));
     }
-    let squared = |i: usize| {
-        (0..3)
-            .map(|c| (f64::from(result[c].data()[i]) - f64::from(reference[c].data()[i])).powi(2))
-            .sum::<f64>()
-            / 3.0
-    };
-    let truth: Vec<f64> = (0..mse.data().len()).map(squared).collect();
-    let estimate: Vec<f64> = mse.data().iter().map(|&value| value.into()).collect();
+    let values = |plane: Plane| plane.data().iter().map(|&value| f64::from(value)).collect::<Vec<_>>();
+    let truth = values(rel_mse(result, reference)?.plane);
+    let estimate = values(relative_mean(mse, reference));
     let mut by_estimate: Vec<usize> = (0..truth.len()).collect();
     by_estimate.sort_by(|&a, &b| estimate[a].total_cmp(&estimate[b]).then(a.cmp(&b)));
     let place = |g: usize| g * by_estimate.len() / GROUPS;
@@ -89,6 +87,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::REL_MSE_EPSILON;
 
     fn black(width: usize, height: usize) -> Rgb {
         std::array::from_fn(|_| Plane::filled(width, height, 0.0))
@@ -103,7 +102,8 @@ mod tests {
         assert!((c.ratio - 2.0).abs() < 1e-9 && (c.rank_correlation - 1.0).abs() < 1e-12);
         assert_eq!(c.groups.len(), GROUPS);
         assert!(c.groups.iter().all(|(estimate, truth)| (estimate / truth - 2.0).abs() < 1e-6));
-        assert!((c.groups[0].1 - (1.0 + 4.0 + 9.0 + 16.0 + 25.0) / 5.0).abs() < 1e-9);
+        let first = (1.0 + 4.0 + 9.0 + 16.0 + 25.0) / 5.0 / REL_MSE_EPSILON;
+        assert!((c.groups[0].1 / first - 1.0).abs() < 1e-6, "relative to black, which is ε");
     }
 
     #[test]
@@ -120,7 +120,9 @@ mod tests {
             let mse = Plane::from_fn(pixels, 1, |x, _| x as f32);
             calibration(&mse, &black(pixels, 1), &black(pixels, 1)).unwrap().groups
         };
-        assert_eq!(groups(21).iter().map(|group| group.0).collect::<Vec<_>>()[8..], [16.5, 19.0]);
+        let last: Vec<_> =
+            groups(21)[8..].iter().map(|group| (group.0 * REL_MSE_EPSILON * 100.0).round()).collect();
+        assert_eq!(last, [1650.0, 1900.0]);
         assert_eq!([0, 3, 10, 21].map(|pixels| groups(pixels).len()), [0, 3, 10, 10]);
     }
 

@@ -153,7 +153,7 @@ impl Planes {
     /// with many components, at its end: what fits read, the sums and the result. Of 31 channels it is 61 planes, measured,
     /// where this tells 66.
     fn per_pixel(&self) -> usize {
-        let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 4, 1, 1);
+        let (albedo, variance, smoothed, guide, pilot, coverage, input_error) = (3, 3, 4, 8, 4, 1, 3);
         let targets = 3 + self.aovs;
         let (sums, result) = (targets + 4, targets + 3);
         let filtering = self.all + self.features + albedo + variance + smoothed;

@@ -2,7 +2,7 @@
 
 use apr::baseline::Denoiser;
 use apr::denoise::Stage;
-use apr::image::{Plane, Rect, mean_of_channels};
+use apr::image::{Plane, Rect, Rgb};
 use apr::io::{Layout, RoleLayout, SumCheck};
 use apr::metrics::REL_MSE_EPSILON;
 use apr::{Denoised, Frame, Options, Summary};
@@ -207,9 +207,10 @@ impl Mean {
 
 impl ErrorSums {
     /// Adds the pixels `within` a frame, which `denoised` holds; `input` is the frame's [`input_error`].
-    pub fn add(&mut self, input: Option<&Plane>, within: Rect, denoised: &Denoised) {
+    pub fn add(&mut self, input: Option<&Rgb>, within: Rect, denoised: &Denoised) {
         let rows = (0..within.height).into_par_iter().map(|y| {
-            let input = input.map(|plane| &plane.row(within.y + y)[within.x..]);
+            let input =
+                input.map(|channels| channels.each_ref().map(|plane| &plane.row(within.y + y)[within.x..]));
             Self::of_row(input, denoised, y)
         });
         // One by one, so that the threads do not matter.
@@ -219,19 +220,23 @@ impl ErrorSums {
         }
     }
 
-    /// Of row `y` of `denoised`, where `input` is the input's error.
-    fn of_row(input: Option<&[f32]>, denoised: &Denoised, y: usize) -> Self {
+    /// Of row `y` of `denoised`, where `input` is the input's error. That is known of every channel, the result's as
+    /// their mean (as in [`apr::sampling::relative_error`]).
+    fn of_row(input: Option<[&[f32]; 3]>, denoised: &Denoised, y: usize) -> Self {
         let mut sums = Self::default();
+        let mean = |of: [f64; 3]| of.iter().sum::<f64>() / 3.0;
+        let add = |means: &mut [Mean; 2], errors: [f64; 2]| {
+            means.iter_mut().zip(errors).for_each(|(mean, error)| mean.add(error));
+        };
         for (x, &after) in denoised.mse.row(y).iter().enumerate() {
-            let light = denoised.color.iter().map(|plane| f64::from(plane.get(x, y)).powi(2));
-            let relative = light.map(|light| (light + REL_MSE_EPSILON).recip()).sum::<f64>() / 3.0;
-            let add = |means: &mut [Mean; 2], error: f32| {
-                let error = f64::from(error);
-                means.iter_mut().zip([error, error * relative]).for_each(|(mean, error)| mean.add(error));
-            };
-            add(&mut sums.after, after);
+            let light =
+                denoised.color.each_ref().map(|plane| f64::from(plane.get(x, y)).powi(2) + REL_MSE_EPSILON);
+            let after = f64::from(after);
+            add(&mut sums.after, [after, after / mean(light)]);
             if let Some(input) = input {
-                add(&mut sums.before, input[x]);
+                let errors = input.map(|row| f64::from(row[x]));
+                let relative = std::array::from_fn(|c| errors[c] / light[c]);
+                add(&mut sums.before, [errors, relative].map(mean));
             }
         }
         sums
@@ -245,17 +250,18 @@ impl ErrorSums {
     }
 }
 
-/// The squared error of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`. NaN
+/// The squared error of the channels of a frame's pixels: their variance, or that of the mean of two halves, `(A−B)²/4`. NaN
 /// where that is no variance, which the denoiser repairs from the pixels around.
-pub fn input_error(frame: &Frame) -> Option<Plane> {
+pub fn input_error(frame: &Frame) -> Option<Rgb> {
     if let Some(variance) = frame.color_var_of_mean() {
-        let mut error = mean_of_channels(variance);
-        let bad = |i: usize| variance.iter().any(|plane| plane.data()[i] < 0.0);
-        error.data_mut().par_iter_mut().enumerate().filter(|(i, _)| bad(*i)).for_each(|(_, v)| *v = f32::NAN);
-        return Some(error);
+        let of = |plane: &Plane, x, y| if plane.get(x, y) < 0.0 { f32::NAN } else { plane.get(x, y) };
+        return Some(
+            variance
+                .each_ref()
+                .map(|plane| Plane::par_from_fn(plane.width(), plane.height(), |x, y| of(plane, x, y))),
+        );
     }
     let [a, b] = frame.halves()?;
     let quarter = |c: usize| move |x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0;
-    let channels = std::array::from_fn(|c| Plane::par_from_fn(frame.width(), frame.height(), quarter(c)));
-    Some(mean_of_channels(&channels))
+    Some(std::array::from_fn(|c| Plane::par_from_fn(frame.width(), frame.height(), quarter(c))))
 }
