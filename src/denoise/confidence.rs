@@ -9,7 +9,17 @@
 //! much as its light is like the middle's: by min/max of √l. What a lamp may be wrong by is not the wall's beside it, nor is the
 //! wall's the lamp's. Estimated over true relMSE, its geometric mean and the factor that is one deviation over the scenes:
 //!
-//! TABLE
+//! | | spp | ξ^¼ Δ^(3/2) σ^½ over 5×5, before | E |
+//! |---|--:|--:|--:|
+//! | five scenes | 16 | 3.20, ×3.5 | 0.80, ×1.8 |
+//! | | 64 | 2.09, ×2.2 | 0.94, ×1.6 |
+//! | | 256 | 1.67, ×2.2 | 1.09, ×1.5 |
+//! | thirteen others | 16 | 4.30, ×3.9 | 1.00, ×1.7 |
+//! | | 64 | 2.89, ×4.1 | 1.04, ×1.3 |
+//! | | 256 | 1.60, ×3.4 | 0.88, ×1.4 |
+//!
+//! Least where both stages are wrong alike: ×0.4 on fine foliage, on noisy textures and caustics at 16 spp; most out of
+//! focus at 16 spp, ×3. Of squared errors as they are, which a few highlights are the most of, it is half.
 
 use super::reconstruct::Reconstruction;
 use crate::image::{Plane, mean_of_channels};
