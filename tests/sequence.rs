@@ -160,6 +160,48 @@ fn further_files_may_be_patterns_too() {
     assert!(complaint.contains("with.0001.exr: is missing"), "{complaint}");
 }
 
+/// One AOV a file is how OIDN's users and many farms keep them: no frame's number may get into a layer's name.
+#[test]
+fn files_of_one_aov_are_layers_of_the_same_name_in_every_frame() {
+    let shot = Shot(tempfile::tempdir().unwrap());
+    let render = |name: &str, frame: i32| {
+        let of = if name == "beauty" { 1 } else { 2 };
+        let planes =
+            [("R", of), ("G", of + 1), ("B", of + 2)].map(|(c, salt)| float(c, values(24 * 18, salt)));
+        let layer = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), planes.to_vec());
+        write_one(&shot.path(&format!("{name}.{frame:04}.exr")), layer);
+    };
+    let names = ["beauty", "shot_010_albedo", "glow"];
+    for frame in [1, 2] {
+        names.iter().for_each(|name| render(name, frame));
+        std::fs::copy(shot.path(&format!("glow.{frame:04}.exr")), shot.path(&format!("g{frame:03}.exr")))
+            .unwrap();
+    }
+    let taken = |report: &str| {
+        let roles = shot.json(report)["layout"]["roles"].clone();
+        let role = |role: &Value| role["role"].as_str().unwrap().to_owned();
+        roles.as_array().unwrap().iter().map(role).collect::<Vec<_>>()
+    };
+    let run = |more: &[&str]| {
+        let common = ["beauty.####.exr", "den.####.exr", "--report", "r.####.json", "--quiet"];
+        shot.expect(0, &[&common, more].concat());
+        assert_eq!(taken("r.0001.json"), taken("r.0002.json"));
+        taken("r.0002.json")
+    };
+    let albedo = ["--with", "shot_010_albedo.####.exr"];
+    assert_eq!(run(&albedo), ["color", "albedo"]);
+    assert_eq!(run(&[&albedo[..], &["--profile", "luxcore"]].concat()), ["color", "albedo"]);
+    for map in ["albedo=albedo", "albedo=shot_010_albedo"] {
+        assert_eq!(run(&[&albedo[..], &["--map", map]].concat()), ["color", "albedo"], "{map}");
+    }
+    assert_eq!(run(&["--with", "glow.####.exr", "--feature", "glow=glow"]), ["color", "glow"]);
+    assert_eq!(run(&["--with", "g###.exr", "--feature", "glow=g"]), ["color", "glow"]);
+    let single =
+        ["beauty.0001.exr", "one.exr", "--with", "shot_010_albedo.0001.exr", "--quiet", "--report", "r.json"];
+    shot.expect(0, &single);
+    assert_eq!(taken("r.json"), ["color", "albedo"]);
+}
+
 #[test]
 fn missing_frames_are_all_named_before_any_work() {
     let shot = Shot::new(&[1, 4]);

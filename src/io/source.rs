@@ -1,7 +1,7 @@
 //! A file, with those beside it, understood: which channels play which role, and their pixels on demand.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header;
@@ -15,10 +15,11 @@ use super::components::{Asked, Sum};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::evidence::Tally;
-use super::layers::{Channel, Layer, buffer_prefix};
+use super::layers::{Channel, Layer, buffer_prefix, stem};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, Target, find, target};
 use super::picture::ReadOptions;
+use super::places::is_same_file;
 use super::recognize::{detect, layers, samples_in};
 use super::region::{numbers, told};
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
@@ -322,9 +323,8 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
         documents.push(Document::open(further)?);
     }
     if let Some(renderer) = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer()) {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let prefix = buffer_prefix(&name, renderer);
-        for sibling in buffers_beside(path, &prefix, renderer) {
+        let given = |file: &PathBuf| options.with.iter().any(|with| is_same_file(with, file));
+        for sibling in buffers_beside(path, renderer).into_iter().filter(|file| !given(file)) {
             documents.push(Document::open(&sibling)?);
         }
     }
@@ -569,11 +569,11 @@ fn note_other_colors(others: &[String], remarks: &mut Remarks) {
 
 /// A renderer that writes one file per buffer leaves no mark, but its other files may lie there.
 fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let (name, _) = stem(path);
     for (profile, renderer) in Renderer::NAMES.iter().filter(|(_, r)| r.writes_one_file_per_buffer()) {
         let prefix = buffer_prefix(&name, *renderer);
         let is_color = name.len() > prefix.len() && is_buffer(&name[prefix.len()..], *renderer);
-        if is_color && !buffers_beside(path, &prefix, *renderer).is_empty() {
+        if is_color && !buffers_beside(path, *renderer).is_empty() {
             remarks
                 .notes
                 .push(format!("further buffers lie beside the file: --profile {profile} reads them"));

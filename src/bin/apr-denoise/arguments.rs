@@ -137,7 +137,8 @@ pub struct Arguments {
     /// Add a further feature.
     #[arg(long, value_name = "NAME=CHANNELS", help_heading = "Channels")]
     pub feature: Vec<Mapping>,
-    /// Read further layers from this file (or pattern); its bare channels form a layer of the file's name.
+    /// Read further layers from this file (or pattern); its bare channels form a layer of the file's name
+    /// without the frame's number: shot_albedo.0001.exr holds an albedo.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub with: Vec<PathBuf>,
     /// Denoise these components of the beauty too (AOVs, light groups), by the operator that the beauty
