@@ -242,6 +242,46 @@ fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
     assert!(complaint.contains("den.0003.exr: was made otherwise: this program did not"), "{complaint}");
 }
 
+/// `apr-denoise f.*.exr`, unquoted, names a second render as the result.
+#[test]
+fn a_picture_of_somebody_else_is_not_replaced_unasked() {
+    let shot = Shot::new(&[1, 2, 3]);
+    let second = shot.bytes("shot.0002.exr");
+    let run = |code: i32, names: &[&str]| shot.expect(code, &[names, &["--quiet"]].concat()).1;
+    let told = run(2, &["shot.0001.exr", "shot.0002.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already, and this program did not write it; "), "{told}");
+    assert!(told.contains("--overwrite") && told.contains("'shot.####.exr', in quotes"), "{told}");
+    let told = run(2, &["shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]);
+    assert!(told.contains("shot.0003.exr: is a third name") && told.contains("in quotes"), "{told}");
+    let told =
+        run(2, &["shot.####.exr", "den.####.exr", "--frames", "1-2", "--sampling-map", "shot.0003.exr"]);
+    assert!(told.contains("several results"), "{told}");
+    let told = run(2, &["shot.0001.exr", "den.exr", "--sampling-map", "shot.0002.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already"), "{told}");
+    assert_eq!(shot.bytes("shot.0002.exr"), second);
+    assert!(shot.names("den").is_empty());
+
+    // Its own results and maps, what is no picture, and what it is told to.
+    std::fs::write(shot.path("den.exr"), "taken by a scheduler").unwrap();
+    for _ in 0..2 {
+        run(0, &["shot.0001.exr", "den.exr", "--sampling-map", "map.exr"]);
+    }
+    run(0, &["shot.0001.exr", "part.exr", "--region", "0,0,25,22"]);
+    let told = run(2, &["merge", "shot.0002.exr", "part.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already"), "{told}");
+    run(0, &["merge", "--overwrite", "shot.0002.exr", "part.exr"]);
+    run(0, &["shot.0001.exr", "shot.0003.exr", "--overwrite"]);
+    assert!(shot.bytes("shot.0002.exr") == shot.bytes("shot.0003.exr"));
+
+    for frame in [2, 3] {
+        shot.render("shot", frame);
+        shot.render("den", frame);
+    }
+    let told = run(2, &["shot.####.exr", "den.####.exr"]);
+    assert!(told.contains("den.0002.exr: is there already") && told.contains("for frames 2,3"), "{told}");
+    assert_eq!(shot.names("den."), ["den.0002.exr", "den.0003.exr", "den.exr"], "before any work");
+}
+
 #[test]
 fn a_sequence_that_is_denoised_already_is_told_once() {
     let shot = Shot::new(&[1, 2]);

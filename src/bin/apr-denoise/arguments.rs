@@ -40,6 +40,9 @@ pub enum Command {
     Merge {
         /// Where the picture goes (EXR). Appears whole or not at all.
         output: PathBuf,
+        /// Replace a picture at OUTPUT that this program did not write.
+        #[arg(long)]
+        overwrite: bool,
         /// The regions' files, in any order: all of one picture, by the same options.
         #[arg(required = true)]
         regions: Vec<PathBuf>,
@@ -51,9 +54,13 @@ pub enum Command {
 pub struct Arguments {
     /// The render (EXR), or the renders of a sequence: 'shot.####.exr'.
     pub input: PathBuf,
-    /// Where the result goes (EXR); may be the input. Appears whole or not at all.
+    /// Where the result goes (EXR); may be the input. Appears whole or not at all. Replaces an earlier result, but no
+    /// other picture (see --overwrite).
     #[arg(required_unless_present = "inspect")]
     pub output: Option<PathBuf>,
+    /// What the shell makes of shot.*.exr.
+    #[arg(hide = true)]
+    pub further: Vec<PathBuf>,
 
     /// Print what was found and what would be run, and stop.
     #[arg(long)]
@@ -68,6 +75,9 @@ pub struct Arguments {
     /// have been made by the same options and version, of the same region, else the run stops before any work.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
+    /// Replace pictures that this program did not write, too.
+    #[arg(long)]
+    pub overwrite: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]
     pub aux: bool,
@@ -183,7 +193,7 @@ pub enum Missing {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense, --memory is too little
+  2    usage: an option or argument makes no sense, a picture would be lost, --memory is too little
   3    an input is missing, damaged, or uses a feature that is not supported
   4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together
   5    the result cannot be written

@@ -14,6 +14,7 @@ mod pattern;
 mod plan;
 mod progress;
 mod reference;
+mod replaced;
 mod report;
 mod run;
 mod sampling;
@@ -46,18 +47,21 @@ fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions }), _) => merge(output, regions),
+        (Some(Command::Merge { output, regions, overwrite }), _) => merge(output, regions, *overwrite),
         (None, Some(arguments)) => denoise(arguments),
         (None, None) => unreachable!("clap asks for one of them"),
     })
 }
 
-fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
+fn merge(output: &Path, regions: &[PathBuf], overwrite: bool) -> Result<ExitCode> {
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
     io::check_ending(output)?;
     io::check_target(output)?;
+    if !overwrite {
+        replaced::check_merged(output)?;
+    }
     io::merge(output, regions).map(|()| ExitCode::SUCCESS)
 }
 
@@ -65,6 +69,12 @@ fn denoise(arguments: &Arguments) -> Result<ExitCode> {
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
         pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
+    }
+    if let Some(third) = arguments.further.first() {
+        let what = "is a third name where an input and a result were expected";
+        return Err(Error::new(ErrorKind::Usage, what)
+            .remedy("write a sequence as 'shot.####.exr' 'den.####.exr', in quotes so that the shell leaves it alone")
+            .in_file(third));
     }
     let denoiser = settings::denoiser(arguments)?;
     let mut plan = Plan::new(arguments)?;

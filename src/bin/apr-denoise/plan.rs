@@ -10,7 +10,7 @@ use crate::arguments::{Arguments, Missing};
 use crate::frames::FrameSet;
 use crate::parts::Region;
 use crate::pattern::Pattern;
-use crate::signature;
+use crate::{replaced, signature};
 
 /// The files of one frame.
 #[derive(Debug, Clone)]
@@ -209,8 +209,8 @@ impl Plan {
     /// frames have come or gone since are done again.
     ///
     /// # Errors
-    /// `Usage` when results would overwrite each other or an input that is still needed, or were made
-    /// by other settings; `Unwritable` when a folder takes no file.
+    /// `Usage` when results would overwrite each other, an input that is still needed or a picture that this program
+    /// did not write, or were made by other settings; `Unwritable` when a folder takes no file.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;
@@ -226,7 +226,7 @@ impl Plan {
                 io::check_target(target)?; // better now than after the work
             }
         }
-        Ok(())
+        if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
     }
 
     /// Checks that no result takes the place of its input where that would lose something.
@@ -271,8 +271,7 @@ impl Plan {
         self.jobs = to_do;
         let Some((first, difference)) = by_others.first() else { return Ok(()) };
         let frames: FrameSet = by_others.iter().filter_map(|(job, _)| job.frame).collect();
-        let frames = if frames.is_empty() { String::new() } else { format!(" (and so for frames {frames})") };
-        Err(usage(&format!("was made otherwise: {difference}{frames}"))
+        Err(usage(&format!("was made otherwise: {difference}{}", frames.among_others()))
             .remedy("remove it, write elsewhere, or run without --skip-existing")
             .in_file(&first.output))
     }
@@ -340,7 +339,7 @@ impl Job {
     }
 
     /// Whether the result replaces the input.
-    fn is_in_place(&self) -> bool {
+    pub fn is_in_place(&self) -> bool {
         io::is_same_file(&self.output, &self.input)
     }
 

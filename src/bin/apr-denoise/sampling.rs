@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::plan::Job;
 
 /// The channel of the sampling map.
-const CHANNEL: &str = "density.Y";
+pub const CHANNEL: &str = "density.Y";
 
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
