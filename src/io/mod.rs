@@ -54,7 +54,7 @@ mod survey;
 mod variance;
 mod zip;
 
-pub use atomic::{abandon_temporaries, check_target, write_bytes};
+pub use atomic::{abandon_temporaries, check_old, check_target, write_bytes};
 pub use beauty::{Beauty, read_rgb};
 pub use bounds::bound_feature;
 pub use channels::{Renderer, VarianceKind};

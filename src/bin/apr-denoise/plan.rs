@@ -220,11 +220,11 @@ impl Plan {
         let mut seen = HashSet::new();
         let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
         for target in all.chain(arguments.sequence_report.as_deref()) {
-            // One try in each folder is enough, but what is there and no plain file is told for each.
-            let odd = target.symlink_metadata().is_ok_and(|there| !there.is_file());
-            if seen.insert(target.parent()) || odd {
-                io::check_target(target)?; // better now than after the work
+            // Better now than after the work. One try in each folder is enough, if no link leads to another one.
+            if seen.insert(target.parent()) || target.is_symlink() {
+                io::check_target(target)?;
             }
+            io::check_old(target)?;
         }
         if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
     }
