@@ -303,9 +303,14 @@ fn a_result_can_be_denoised_again() {
         &path,
         layer(None, SIZE, (-4, 9), encoding, channels(SIZE, &["R", "G", "B", "A", "N.X", "N.Y", "N.Z"])),
     );
-    for _ in 0..2 {
-        program().args([&path, &path]).args(["--quiet", "--aux"]).assert().success();
-    }
+    program().args([&path, &path]).args(["--quiet", "--aux"]).assert().success();
+    let once = std::fs::read(&path).unwrap();
+    let (code, _, complaint) = run(program().args([&path, &path]).args(["--quiet", "--aux"]));
+    assert_eq!(code, 4, "{complaint}");
+    assert!(complaint.contains("again.exr: is denoised already by this program"), "{complaint}");
+    assert!(complaint.contains("--skip-existing") && complaint.contains("--overwrite"), "{complaint}");
+    assert!(std::fs::read(&path).unwrap() == once);
+    program().args([&path, &path]).args(["--quiet", "--aux", "--overwrite"]).assert().success();
 }
 
 /// A result that is denoised again is told, also where it is the other half; going on and merging read results as well
@@ -325,9 +330,9 @@ fn what_is_denoised_already_is_told() {
     assert!(!complaints(&[&input, &once], &["--skip-existing"]).contains("denoised already"));
     let told = complaints(&[&once, &twice, Path::new("--report"), &report], &[]);
     assert!(told.contains(&format!("{words}: ")) && told.contains("give the render itself"), "{told}");
-    let notes = serde_json::from_slice::<Value>(&std::fs::read(&report).unwrap()).unwrap();
-    let notes = notes["layout"]["notes"].as_array().unwrap().clone();
-    assert!(notes.iter().any(|note| note.as_str().unwrap().contains(words)), "{notes:?}");
+    let warnings = serde_json::from_slice::<Value>(&std::fs::read(&report).unwrap()).unwrap();
+    let warnings = warnings["layout"]["warnings"].as_array().unwrap().clone();
+    assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(words)), "{warnings:?}");
     assert_eq!(complaints(&[&once, &twice], &["--quiet"]), "");
     let told = complaints(&[&input, &twice, Path::new("--half"), &once], &[]);
     assert!(told.contains(words), "{told}");

@@ -284,11 +284,29 @@ fn a_picture_of_somebody_else_is_not_replaced_unasked() {
 
 #[test]
 fn a_sequence_that_is_denoised_already_is_told_once() {
-    let shot = Shot::new(&[1, 2]);
+    let shot = Shot::new(&[1, 2, 3]);
     shot.expect(0, &["shot.####.exr", "den.####.exr"]);
     let (_, told) = shot.expect(0, &["den.####.exr", "again.####.exr"]);
-    assert_eq!(told.matches("is denoised already").count(), 1, "{told}");
-    assert!(told.contains("note: frame 1: den.0001.exr: is denoised already"), "{told}");
+    assert!(told.contains("warning: frame 1: den.0001.exr: is denoised already"), "{told}");
+    let all = "warning: frames 2,3 too, as frame 1: den.0001.exr: is denoised already";
+    assert!(told.contains(all) && told.matches("is denoised already").count() == 2, "{told}");
+}
+
+/// A job that was broken off and is started again must not denoise a frame twice without a word.
+#[test]
+fn a_sequence_in_place_is_denoised_once() {
+    let shot = Shot::new(&[1, 2, 3]);
+    shot.expect(0, &["shot.####.exr", "shot.####.exr", "--frames", "1-2", "--quiet"]);
+    let begun = [1, 2, 3].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
+    let again = ["shot.####.exr", "shot.####.exr", "--quiet"];
+    let (_, told) = shot.expect(4, &again);
+    assert!(told.contains("shot.0001.exr: is denoised already by this program"), "{told}");
+    assert!(told.contains("(and so for frames 1,2); give --skip-existing"), "{told}");
+    assert!(begun == [1, 2, 3].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr"))), "before any work");
+    shot.expect(0, &[&again[..], &["--skip-existing"]].concat());
+    assert!(begun[..2] == [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr"))));
+    assert!(begun[2] != shot.bytes("shot.0003.exr"));
+    shot.expect(0, &[&again[..], &["--overwrite"]].concat());
 }
 
 #[test]

@@ -92,7 +92,7 @@ impl Survey {
         };
         let mut layout = main.layout.clone();
         layout.half = options.half.as_ref().map(|half| half.display().to_string());
-        layout.notes.extend(std::iter::once(&main).chain(&half).filter_map(note_denoised));
+        layout.warnings.extend(std::iter::once(&main).chain(&half).filter_map(warn_of_denoised));
         let survey = Self { main, half, layout, signature: OnceLock::new() };
         Ok((survey, planes.map(|planes| (planes, half_planes))))
     }
@@ -300,7 +300,7 @@ impl Survey {
 }
 
 /// Tells of a file that is a result itself: what noise it still has is none that anything here expects.
-fn note_denoised(source: &Source) -> Option<String> {
+fn warn_of_denoised(source: &Source) -> Option<String> {
     let file = &source.documents[0];
     file.headers().iter().find_map(signature_in).map(|_| {
         let file = file.path().display();

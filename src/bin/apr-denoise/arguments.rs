@@ -75,7 +75,8 @@ pub struct Arguments {
     /// have been made by the same options and version, of the same region, else the run stops before any work.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
-    /// Replace pictures that this program did not write, too.
+    /// Replace pictures that this program did not write, too; and denoise those again, in their own place, that it has
+    /// denoised already.
     #[arg(long)]
     pub overwrite: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
@@ -195,7 +196,8 @@ const EXIT_CODES: &str = "Exit codes:
   0    done
   2    usage: an option or argument makes no sense, a picture would be lost, --memory is too little
   3    an input is missing, damaged, or uses a feature that is not supported
-  4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together
+  4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together; or it is
+       denoised already, in its own place
   5    the result cannot be written
   10   done, but the estimated error is above --target-error
   70   a defect of this program

@@ -14,6 +14,7 @@ mod pattern;
 mod plan;
 mod progress;
 mod reference;
+mod remarks;
 mod replaced;
 mod report;
 mod run;
