@@ -391,6 +391,14 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
     let (code, _, complaints) = run(&mut command);
     assert!(code == 4 && complaints.contains("wavelet has no estimate"), "{complaints}");
     assert!(!output.exists());
+    let report = folder.path().join("r.json");
+    let (_, said, _) =
+        run(program().args([&input, &output, Path::new("--report"), &report]).args(["--method", "wavelet"]));
+    assert!(said.trim_end().ends_with(" -> unknown"), "{said}");
+    let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    let error = &report["estimated_error"];
+    assert!(error["relative_before"].is_f64() && error["relative_after"].is_null(), "{error}");
+    assert!(error["mse_after"].is_null(), "{error}");
     let mut command = program();
     command.args([&input, &output]).args(["--method", "wavelet", "--sampling-map"]).arg(&map);
     assert_eq!(run(&mut command).0, 0);

@@ -53,9 +53,7 @@ impl Sampling {
             return Ok(None);
         }
         let frame: &Frame = picture.frame();
-        // A noise-free picture of the pipeline's has an error of 0; a method without an estimate, too.
-        let known = denoiser.pipeline().is_some() || denoised.mse.data().iter().any(|&mse| mse > 0.0);
-        let error = known.then(|| relative_error(denoised));
+        let error = denoiser.has_estimate(denoised).then(|| relative_error(denoised));
         let mut told = Self {
             estimated_error: error.as_ref().map(mean_error),
             target_error: target,
