@@ -236,9 +236,9 @@ fn a_renderers_own_set_is_the_only_one_and_its_features_are_no_components() {
     let addend = |salt: usize| values(72, salt).into_iter().map(|v| v.abs() + 1.0).collect::<Vec<f32>>();
     let mut all = Vec::new();
     for (c, component) in ["R", "G", "B"].into_iter().enumerate() {
-        let layers = [0, 1, 2, 3].map(|layer| addend(3 * layer + c));
+        let (layers, albedo) = ([0, 1, 2, 3].map(|layer| addend(3 * layer + c)), vec![0.5; 72]);
         all.push(float(component, (0..72).map(|i| layers.iter().map(|layer| layer[i]).sum()).collect()));
-        let named = names.iter().zip(layers.iter().chain([&vec![0.5; 72]]));
+        let named = names.iter().zip(layers.iter().chain([&albedo]));
         all.extend(named.map(|(name, layer)| float(&format!("{name}.{component}"), layer.clone())));
     }
     write_one(&path, layer(None, (9, 8), (0, 0), scan_lines(Compression::ZIP16), all));

@@ -120,6 +120,7 @@ impl Source {
         note_windows(&documents, &cast.choices, window, &mut remarks);
         note_bounds(&cast.choices, &statistics, &mut remarks);
         warn_of_broken(&cast.choices, &documents, &statistics, &mut remarks);
+        warn_of_darkness(&cast.choices, &documents, &statistics, &mut remarks);
         if options.variance_kind.is_none() && has_variance(&cast.choices) {
             let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
@@ -458,6 +459,26 @@ fn warn_of_broken(
     remarks.warnings.push(format!(
         "{}: NaN or infinite at every pixel; a channel of the colour or a component becomes black, all else is \
          done without",
+        names.join(", ")
+    ));
+}
+
+/// A wrong layer that is taken for the colour looks like this; so does a black frame.
+fn warn_of_darkness(
+    choices: &[Choice],
+    documents: &[Document],
+    statistics: &BTreeMap<Channel, Statistics>,
+    remarks: &mut Remarks,
+) {
+    let is_color = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
+    let Some(color) = choices.iter().find(is_color) else { return };
+    let ranges: Option<Vec<_>> = color.channels.iter().map(|channel| statistics[channel].range()).collect();
+    if ranges.is_none_or(|ranges| ranges.iter().any(|(_, most)| *most > 0.0)) {
+        return;
+    }
+    let names: Vec<String> = color.channels.iter().map(|channel| told_name(documents, *channel)).collect();
+    remarks.warnings.push(format!(
+        "{}: nowhere above 0, and taken for the colour: if the picture is not black, name its channels by --map color=…",
         names.join(", ")
     ));
 }
