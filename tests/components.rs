@@ -227,6 +227,22 @@ fn what_does_not_sum_is_denoised_all_the_same_and_said() {
     assert!(picture.layout().notes.iter().any(|note| note.contains("--aov auto")));
 }
 
+#[test]
+fn that_nothing_was_found_is_told_and_a_variance_is_no_component() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B"];
+    write_one(&path, layer(None, (9, 8), (0, 0), scan_lines(Compression::ZIP16), channels((9, 8), &names)));
+    let told = |options: &ReadOptions| {
+        let notes = Picture::read(&path, options).unwrap().layout().notes.clone();
+        notes.iter().any(|note| note.contains("--aov auto: no components") && note.contains("--aov NAMES"))
+    };
+    assert!(told(&auto()) && !told(&ReadOptions::default()));
+    let error = Picture::read(&path, &named(&["variance"])).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+    assert!(error.to_string().contains("'variance': is a variance or a half, and no component"), "{error}");
+}
+
 /// V-Ray's elements hold lobes that look like a set of their own, and its `diffuse` is the albedo.
 #[test]
 fn a_renderers_own_set_is_the_only_one_and_its_features_are_no_components() {

@@ -140,6 +140,14 @@ impl Asked {
         for name in names.iter().map(|name| name.trim()).filter(|name| !name.eq_ignore_ascii_case(AUTO)) {
             let found: Vec<Component> =
                 casting.pictures(color).filter(|component| names_layer(name, &component.name)).collect();
+            if found.is_empty() && casting.has_statistic(|layer| names_layer(name, layer)) {
+                return Err(Error::new(
+                    ErrorKind::Usage,
+                    "is a variance or a half, and no component of the beauty",
+                )
+                .in_channel(name)
+                .remedy("leave it out of --aov"));
+            }
             if found.is_empty() {
                 let what = "no layer of this name with three channels, or one, is in the first file";
                 let names = casting.pictures(color).map(|component| component.name);
@@ -174,6 +182,16 @@ impl Asked {
             asked.further = pictures;
         }
         Ok(asked)
+    }
+
+    /// In words, that `sums` have none that were found by themselves, where `names` ask for those.
+    pub(super) fn note(sums: &[Sum], names: &[String]) -> Option<String> {
+        let auto = names.iter().any(|name| name.trim().eq_ignore_ascii_case(AUTO));
+        (auto && !sums.iter().any(|sum| sum.by_itself)).then(|| {
+            "--aov auto: no components that sum to the beauty were found; name those that are to be denoised with it by \
+             --aov NAMES"
+                .to_owned()
+        })
     }
 
     /// The channels whose numbers are needed.

@@ -119,6 +119,11 @@ impl<'a> Casting<'a> {
         found
     }
 
+    /// Whether a layer that holds a statistic of another one has such a name.
+    pub(super) fn has_statistic(&self, is_meant: impl Fn(&str) -> bool) -> bool {
+        self.statistics().iter().any(|&i| is_meant(&self.layers[i].name))
+    }
+
     /// The channels that are features by their names, whether or not another one is preferred.
     pub(super) fn features(&self, color: &Candidate) -> BTreeSet<Channel> {
         let is_one = |found: &Candidate| matches!(found.mean.target.role, Role::Feature(_));

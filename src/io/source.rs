@@ -126,6 +126,7 @@ impl Source {
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
         }
         note_other_colors(&casting.other_colors(&color), &mut remarks);
+        remarks.notes.extend(Asked::note(&sums, &options.aovs));
         if options.aovs.is_empty() {
             note_components(&components(&["auto".to_owned()])?.automatic(), &mut remarks);
         }
