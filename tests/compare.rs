@@ -71,6 +71,25 @@ fn exit_codes_tell_usage_missing_broken_and_unwritable_apart() {
 }
 
 #[test]
+fn the_threads_may_be_few() {
+    let folder = folder("threads");
+    let [a, b] = ["a.exr", "b.exr"].map(|name| picture(folder.join(name), 0.5));
+    let four = |command: &[&str]| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_apr-compare"));
+        program
+            .args(command)
+            .args(["--threads", "4000"])
+            .args(command.is_empty().then_some(&a))
+            .arg(&b)
+            .output()
+            .unwrap()
+    };
+    assert!(four(&[]).status.success(), "{:?}", four(&[]));
+    let told = String::from_utf8(four(&["sweep"]).stderr).unwrap();
+    assert!(told.contains("--reference") && !told.contains("unexpected argument"), "{told}");
+}
+
+#[test]
 fn pictures_that_would_replace_an_input_or_each_other_are_refused() {
     let folder = folder("replaced");
     let (a, b) = (picture(folder.join("a.exr"), 1.25), picture(folder.join("b.exr"), 1.0));

@@ -174,7 +174,8 @@ fn inspection_tells_roles_and_ranges_and_writes_nothing() {
 fn the_same_bits_for_any_number_of_threads() {
     let folder = tempfile::tempdir().unwrap();
     let input = render(folder.path());
-    let outputs = ["1", "2", "8"].map(|threads| {
+    // As many as a machine of that size has: here most of them would only wait.
+    let outputs = ["1", "2", "8", "5000"].map(|threads| {
         let output = folder.path().join(format!("{threads}.exr"));
         program().args([&input, &output]).args(["--quiet", "--threads", threads]).assert().success();
         std::fs::read(output).unwrap()
@@ -198,7 +199,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
         (2, &[&input, &out, "--threads", "0"], &["--threads"]),
-        (2, &[&input, &out, "--threads", "20000"], &["--threads", "1024"]),
+        (2, &[&input, &out, "--threads", "some"], &["--threads"]),
         (2, &[&input, &out, "--profile", "povray"], &["mitsuba", "tungsten"]),
         (2, &[&input, &out, "--map", "albedo"], &["ROLE=CHANNELS"]),
         (2, &[&input, &out, "--map", "gloss=R"], &["no role 'gloss'", "use color"]),

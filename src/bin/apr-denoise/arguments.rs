@@ -93,9 +93,10 @@ pub struct Arguments {
     /// Print nothing but errors.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Use this many threads, at most 1024 [default: one per core]. The result does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The result does
+    /// not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub threads: Option<u32>,
     /// Denoise this region alone: x and y of its first pixel, width and height, in the file's pixel
     /// coordinates. Reads and computes no more than it needs; the result is a file of the region, and
     /// `apr-denoise merge` puts such files together.

@@ -24,6 +24,7 @@ mod settings;
 mod shot;
 mod signals;
 mod signature;
+mod threads;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -67,10 +68,7 @@ fn merge(output: &Path, regions: &[PathBuf], overwrite: bool) -> Result<ExitCode
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some(threads) = arguments.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
-    }
+    threads::start(arguments.threads)?;
     if let Some(third) = arguments.further.first() {
         let what = "is a third name where an input and a result were expected";
         return Err(Error::new(ErrorKind::Usage, what)

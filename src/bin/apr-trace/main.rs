@@ -9,18 +9,20 @@ mod failure;
 mod generate;
 mod progress;
 mod rounds;
+#[path = "../apr-denoise/threads.rs"]
+mod threads;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use answer::{complain, print};
+use apr::Result;
 use apr::adaptive::AdaptiveOptions;
 use apr::io::{
     FrameHeader, RunFile, check_apart, check_ending, check_target, read_counts, write_bytes, write_frame,
 };
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
-use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
 use progress::Progress;
@@ -79,9 +81,10 @@ struct Args {
     /// Seconds between checkpoints, as near as a pass over all pixels allows.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
-    /// Threads to use, at most 1024; all cores by default. The picture does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The picture does
+    /// not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
     /// Print which effects the scene calls for, and why, and stop.
     #[arg(long)]
     plan: bool,
@@ -140,12 +143,7 @@ fn run(args: &Args) -> Result<()> {
         return print_plan(&Plan::new(&scene, &options));
     };
     check_files(args, &scene, out)?; // before hours of work, not after
-    let threads = args.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| {
-        let error = Error::new(ErrorKind::Usage, format!("{threads} threads cannot be started: {error}"));
-        error.remedy("give fewer --threads, or none for one on each core")
-    })?;
+    threads::start(args.threads)?;
     let start = Instant::now();
     let mut renderer = Renderer::new(&scene, &options)?;
     let (rounds, taken_up) = if args.adaptive {
@@ -155,9 +153,9 @@ fn run(args: &Args) -> Result<()> {
             target_error: args.target_error,
             ..AdaptiveOptions::default()
         };
-        (Some(pool.install(|| rounds::run(&mut renderer, &adaptive, args.quiet))?), 0)
+        (Some(rounds::run(&mut renderer, &adaptive, args.quiet)?), 0)
     } else {
-        (None, pool.install(|| render(args, &options, &scene, &mut renderer))?)
+        (None, render(args, &options, &scene, &mut renderer)?)
     };
     let rendered = renderer.finish()?;
     let counts = renderer.film().sample_map();
