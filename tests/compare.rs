@@ -66,6 +66,15 @@ fn exit_codes_tell_usage_missing_broken_and_unwritable_apart() {
     assert_eq!(code(&[&good, &folder.join("missing.exr")]), Some(3));
     assert_eq!(code(&[&broken, &good]), Some(4));
     assert_eq!(code(&[&good, &good, Path::new("--heatmap"), &folder.join("no/such/folder.png")]), Some(5));
+    for option in ["--heatmap", "--side-by-side"] {
+        let output = compare(&[&good, &good, Path::new(option), &folder.join("h.jpg")]);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("h.jpg: does not end in .png") && !folder.join("h.jpg").exists(),
+            "{message}"
+        );
+    }
     let message = String::from_utf8(compare(&[&good, &broken]).stderr).unwrap();
     assert!(message.contains("broken.exr") && message.contains("pixel (0, 0)"), "{message}");
 }

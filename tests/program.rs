@@ -35,6 +35,7 @@ fn a_run_answers_with_progress_and_writes_a_report() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output, report) =
         (render(folder.path()), folder.path().join("out.exr"), folder.path().join("r.json"));
+    let begun = std::time::Instant::now();
     let (code, said, complaints) = run(program()
         .args([&input, &output])
         .args(["--aux", "--set", "coarse=false", "--report"])
@@ -45,6 +46,7 @@ fn a_run_answers_with_progress_and_writes_a_report() {
     let percent: Vec<u32> =
         said.lines().filter_map(|line| line.strip_prefix("progress ")).map(|n| n.parse().unwrap()).collect();
     assert!(percent.is_sorted() && percent.last() == Some(&100), "{said}");
+    assert!(percent.len() <= 1 + begun.elapsed().as_secs() as usize, "one a second at most: {said}");
     assert!(said.lines().last().unwrap().contains("estimated relative error"), "{said}");
 
     let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
@@ -343,6 +345,11 @@ fn what_is_denoised_already_is_told() {
     complaints(&[&input, &top], &["--region", &format!("0,0,{},4", SIZE.0)]);
     complaints(&[&input, &bottom], &["--region", &format!("0,4,{},{height}", SIZE.0)]);
     assert_eq!(complaints(&[Path::new("merge"), &at("whole.exr"), &top, &bottom], &[]), "");
+    let merge = |more: &[&str]| {
+        let mut command = program();
+        run(command.arg("merge").args([&at("whole.exr"), &top, &bottom]).args(more)).1
+    };
+    assert!(merge(&[]).ends_with("whole.exr: put together from 2 regions\n") && merge(&["-q"]).is_empty());
 }
 
 #[test]

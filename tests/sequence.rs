@@ -130,6 +130,9 @@ fn without_frames_all_that_are_there_are_taken() {
     let shot = Shot::new(&[3, 7]);
     shot.expect(0, &["shot.<frame4>.exr", "den.@@@@.exr", "--quiet"]);
     assert_eq!(shot.names("den"), ["den.0003.exr", "den.0007.exr"]);
+    let (_, complaint) = shot.expect(3, &["shot.###.exr", "den.####.exr"]);
+    let words = "shot.###.exr: no file has a name of this pattern; there is 'shot.####.exr' with frames 3,7";
+    assert!(complaint.contains(words), "{complaint}");
     let (_, complaint) = shot.expect(3, &["nothing.####.exr", "den.####.exr"]);
     assert!(complaint.contains("nothing.####.exr: no file") && complaint.contains("padding"), "{complaint}");
     let skip = ["shot.####.exr", "den.####.exr", "--frames", "20-30", "--missing", "skip", "--quiet"];
@@ -318,6 +321,10 @@ fn skipping_holds_for_one_picture_and_in_place() {
     assert_eq!(state(), "done");
     shot.expect(0, &one);
     assert_eq!(state(), "skipped");
+    let (said, _) = shot.expect(0, &one[..3]);
+    assert_eq!(said, "den.exr: is there already, made by the same options\n");
+    let (said, _) = shot.expect(0, &["shot.####.exr", "d.#.exr"]);
+    assert!(said.contains("1 frame denoised in"), "{said}");
     let in_place = ["shot.####.exr", "shot.####.exr", "--skip-existing", "--quiet"];
     shot.expect(0, &in_place);
     assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"));
@@ -395,7 +402,10 @@ fn names_that_would_lose_something_are_refused() {
     shot.render("half", 1);
     let renders = [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
     let cases: [(&[&str], &str); 17] = [
-        (&["shot.####.exr", "den.exr"], "several results"),
+        (
+            &["shot.####.exr", "den.exr"],
+            "den.exr: several results would be written here: the name has no place",
+        ),
         (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
         (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
         (&["shot.####.exr", "den.####.exr", "--half", "half.0001.exr"], "one file for many"),

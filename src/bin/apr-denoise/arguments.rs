@@ -43,6 +43,9 @@ pub enum Command {
         /// Replace a picture at OUTPUT that this program did not write.
         #[arg(long)]
         overwrite: bool,
+        /// Print nothing but errors.
+        #[arg(long, short)]
+        quiet: bool,
         /// The regions' files, in any order: all of one picture, by the same options.
         #[arg(required = true)]
         regions: Vec<PathBuf>,
@@ -90,7 +93,8 @@ pub struct Arguments {
     /// estimated, and end with 10 where there are any. The result is written all the same.
     #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
-    /// Print nothing but errors.
+    /// Print nothing but errors: no answer, no warnings and notes, and no progress, which is a bar on a terminal and
+    /// otherwise lines `progress NN` (per cent) on the standard output, one a second at most and `progress 100` at the end.
     #[arg(long, short)]
     pub quiet: bool,
     /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The result does

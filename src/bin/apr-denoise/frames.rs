@@ -28,6 +28,11 @@ impl FrameSet {
     }
 }
 
+/// So many of something, in words: `1 frame`, `3 frames`.
+pub fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
 impl FromIterator<i32> for FrameSet {
     fn from_iter<T: IntoIterator<Item = i32>>(frames: T) -> Self {
         Self(frames.into_iter().collect::<BTreeSet<_>>().into_iter().collect())

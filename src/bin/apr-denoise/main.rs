@@ -33,6 +33,7 @@ use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
+use frames::counted;
 use plan::Plan;
 
 /// Large pages, and blocks that begin at whole cache lines: fits take 0.9 of the time that they take with glibc's.
@@ -49,13 +50,15 @@ fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions, overwrite }), _) => merge(output, regions, *overwrite),
+        (Some(Command::Merge { output, regions, overwrite, quiet }), _) => {
+            merge(output, regions, *overwrite, *quiet)
+        }
         (None, Some(arguments)) => denoise(arguments),
         (None, None) => unreachable!("clap asks for one of them"),
     })
 }
 
-fn merge(output: &Path, regions: &[PathBuf], overwrite: bool) -> Result<ExitCode> {
+fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Result<ExitCode> {
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
@@ -64,7 +67,15 @@ fn merge(output: &Path, regions: &[PathBuf], overwrite: bool) -> Result<ExitCode
     if !overwrite {
         replaced::check_merged(output)?;
     }
-    io::merge(output, regions).map(|()| ExitCode::SUCCESS)
+    io::merge(output, regions)?;
+    if !quiet {
+        answer::print(&format!(
+            "{}: put together from {}",
+            output.display(),
+            counted(regions.len(), "region")
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {

@@ -7,7 +7,7 @@ use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
 use crate::arguments::{Arguments, Missing};
-use crate::frames::FrameSet;
+use crate::frames::{FrameSet, counted};
 use crate::parts::Region;
 use crate::pattern::Pattern;
 use crate::{replaced, signature};
@@ -196,7 +196,9 @@ impl Plan {
             }
             (missing @ [(_, first), ..], Missing::Error) => {
                 let frames: FrameSet = missing.iter().filter_map(|(job, _)| job.frame).collect();
-                let what = format!("is missing; {} frames have no input: {frames}", missing.len());
+                let have = if missing.len() == 1 { "has" } else { "have" };
+                let what =
+                    format!("is missing; {} {have} no input: {frames}", counted(missing.len(), "frame"));
                 Err(Error::new(ErrorKind::Unreadable, what)
                     .remedy("render them, check the name's padding, or leave them out by --missing skip")
                     .in_file(first))
@@ -246,6 +248,7 @@ impl Plan {
 
     /// In place a result takes its own input's name and nothing else.
     fn check_collisions(&self, arguments: &Arguments) -> Result<()> {
+        self.check_places()?;
         let beside_of = |job| self.all_beside(job, arguments.temporal);
         let all_beside: Vec<Job> = self.jobs.iter().flat_map(beside_of).collect();
         let of_frames = self.frames().flat_map(|job| job.sources().skip(usize::from(job.is_in_place())));
@@ -256,6 +259,22 @@ impl Plan {
         io::check_apart(of_frames.chain(beside).chain(options), targets).map_err(|error| {
             error.remedy("give outputs and reports names of their own, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
         })
+    }
+
+    /// Checks that the names of what is written for every frame have a place for its number.
+    fn check_places(&self) -> Result<()> {
+        let Names { output, report, sampling_map, .. } = &self.names;
+        let one = |name: &&Name| matches!(name, Name::One(_));
+        match [output, report, sampling_map].into_iter().flatten().find(one) {
+            Some(Name::One(path)) if self.jobs.len() > 1 => {
+                let what =
+                    "several results would be written here: the name has no place for the frame's number";
+                let remedy =
+                    "give it one, as in den.####.exr; --sequence-report takes one file for all frames";
+                Err(usage(what).remedy(remedy).in_file(path))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn take_out_finished(&mut self, signature: &str, arguments: &Arguments) -> Result<()> {
@@ -353,8 +372,14 @@ impl Job {
 fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<Vec<Option<i32>>> {
     let found = given.cloned().unwrap_or_else(|| pattern.frames_on_disk());
     if found.is_empty() {
+        let remedy = match pattern.other_padding() {
+            Some((name, frames)) => format!("there is '{}' with frames {frames}", name.display()),
+            None => {
+                "check the name and its padding: #### stands for a number of at least four digits".to_owned()
+            }
+        };
         return Err(Error::new(ErrorKind::Unreadable, "no file has a name of this pattern")
-            .remedy("check the name and its padding: #### stands for a number of at least four digits")
+            .remedy(remedy)
             .in_file(input));
     }
     Ok(found.iter().map(Some).collect())

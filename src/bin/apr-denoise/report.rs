@@ -143,11 +143,15 @@ fn repaired(layout: &Layout, summary: &Summary) -> Option<String> {
         .roles
         .iter()
         .fold((0, 0), |(nan, infinite), role| (nan + role.nan, infinite + role.non_finite - role.nan));
+    let negative = match summary.negative_color {
+        0 => String::new(),
+        1 => "; 1 pixel of the colour is negative and stays so".to_owned(),
+        n => format!("; {n} pixels of the colour are negative and stay so"),
+    };
     Some(format!(
         "broken pixels were repaired from their neighbours: {} (in the file {nan} samples are NaN and {infinite} \
-         infinite); {} pixels of the colour are negative and stay so",
-        told.join(", "),
-        summary.negative_color
+         infinite){negative}",
+        told.join(", ")
     ))
 }
 

@@ -101,6 +101,9 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
     if sequence && !arguments.quiet {
         print(&report.line())?;
     }
+    for job in plan.finished.iter().filter(|_| !sequence && !arguments.quiet) {
+        print(&format!("{}: is there already, made by the same options", job.output.display()))?;
+    }
     failure(plan, errors)?;
     Ok(!run.target_missed.into_inner())
 }

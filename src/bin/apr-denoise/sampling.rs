@@ -11,6 +11,7 @@ use apr::sampling::{
 use apr::{Denoised, Frame};
 use serde::Serialize;
 
+use crate::frames::counted;
 use crate::plan::Job;
 
 /// The channel of the sampling map.
@@ -85,7 +86,9 @@ impl Sampling {
             return Some(format!("target error {target:.2e} is met: {by}"));
         }
         let needed = match self.needed_per_pixel {
-            Some(spp) => format!("about {:.0} more samples per pixel on the average", spp.ceil()),
+            Some(spp) => {
+                format!("about {} per pixel on the average", counted(spp.ceil() as usize, "more sample"))
+            }
             None => format!("about {share:.2} times the samples there are, on top of them,"),
         };
         Some(format!(

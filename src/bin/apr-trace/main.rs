@@ -5,8 +5,14 @@ mod answer;
 mod checkpoint;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
+#[path = "../apr-denoise/frames.rs"]
+#[allow(dead_code, reason = "the place for one frame's number is all that is wanted here")]
+mod frames;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+#[path = "../apr-denoise/pattern.rs"]
+#[allow(dead_code, reason = "the place for one frame's number is all that is wanted here")]
+mod pattern;
 mod progress;
 mod rounds;
 #[path = "../apr-denoise/threads.rs"]
@@ -17,14 +23,15 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use answer::{complain, print};
-use apr::Result;
 use apr::adaptive::AdaptiveOptions;
 use apr::io::{
     FrameHeader, RunFile, check_apart, check_ending, check_target, read_counts, write_bytes, write_frame,
 };
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
+use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
+use pattern::Pattern;
 use progress::Progress;
 
 /// Path tracer that makes the denoiser's inputs and references.
@@ -52,7 +59,7 @@ struct Args {
     #[arg(long)]
     light_groups: bool,
     /// Render frame K of the M that the scene's motion is cut into, with noise of its own and motion vectors
-    /// (layers motionPrevious and motionNext).
+    /// (layers motionPrevious and motionNext). K takes the place of #### in the names of what is written.
     #[arg(long, value_name = "K/M", value_parser = frame)]
     frame: Option<(u32, u32)>,
     /// The share of the frame's time during which the shutter is open.
@@ -107,6 +114,23 @@ enum Features {
 }
 
 impl Args {
+    /// Gives the names of what is written the frame's number.
+    ///
+    /// # Errors
+    /// `Usage` when they have a place for it and there is none.
+    fn put_frame_in(&mut self) -> Result<()> {
+        for path in [&mut self.out, &mut self.report].into_iter().flatten() {
+            let Some(pattern) = Pattern::parse(path) else { continue };
+            let Some((frame, _)) = self.frame else {
+                let what = "has a place for the frame's number, and there is none";
+                let error = Error::new(ErrorKind::Usage, what).in_file(path);
+                return Err(error.remedy("give --frame K/M, or name it without #, @@, %d, $F and <frame>"));
+            };
+            *path = pattern.path(i32::try_from(frame).unwrap_or(i32::MAX));
+        }
+        Ok(())
+    }
+
     fn options(&self) -> Result<RenderOptions> {
         let features = match self.features {
             Features::None => FeatureMode::None,
@@ -132,8 +156,11 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 }
 
 fn main() -> ExitCode {
-    let args = generate::parse::<Args>(&[]);
-    failure::told(|| run(&args))
+    let mut args = generate::parse::<Args>(&[]);
+    failure::told(|| {
+        args.put_frame_in()?;
+        run(&args)
+    })
 }
 
 fn run(args: &Args) -> Result<()> {
