@@ -167,6 +167,13 @@ impl Source {
         bands(self.size(), bytes_of_row(self.window, planes), lines_of_block(header))
     }
 
+    /// Bytes of the planes of the largest of these bands.
+    pub(super) fn band_bytes(&self) -> usize {
+        let planes: usize = self.choices.iter().map(|choice| choice.channels.len()).sum();
+        let rows = self.bands().next().map_or(0, |band| band.height);
+        rows * bytes_of_row(self.window, planes)
+    }
+
     /// Keeps from now on up to `room` bytes of blocks as they are decoded. Returns what is left of `room`.
     pub(super) fn keep(&self, room: usize) -> usize {
         keep(&self.documents, room)

@@ -8,6 +8,7 @@ use exr::meta::attribute::IntegerBounds;
 
 use super::components::Sum;
 use super::decode::ChannelAt;
+use super::document::Document;
 use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
@@ -108,6 +109,18 @@ impl Survey {
     /// Columns and rows of the colour.
     pub fn size(&self) -> (usize, usize) {
         self.main.size()
+    }
+
+    /// Bytes of the largest block of its files, decoded: what is read or written at once is whole ones.
+    pub fn block_bytes(&self) -> usize {
+        let documents = std::iter::once(&self.main).chain(&self.half).flat_map(|source| &source.documents);
+        let headers = documents.flat_map(Document::headers);
+        headers.map(|header| header.max_block_byte_size()).max().unwrap_or(0)
+    }
+
+    /// Bytes of the planes that were held at once when it was looked through.
+    pub fn band_bytes(&self) -> usize {
+        std::iter::once(&self.main).chain(&self.half).map(Source::band_bytes).sum()
     }
 
     /// What was found.
