@@ -120,8 +120,7 @@ fn notes_are_told_once_and_so_is_what_was_repaired() {
         |words: &str| told.lines().filter(|line| line.contains("note: ") && line.contains(words)).count();
     assert_eq!(counted("'B.Combined' could be the colour as well"), 1, "{told}");
     assert_eq!(counted("written with ZIP, because dwaa"), 1, "{told}");
-    let repaired =
-        "2 of the colour (in the file 1 samples are NaN and 1 infinite); 1 pixel of the colour is";
+    let repaired = "2 of the colour (in the file 1 samples are NaN and 1 infinite); 1 pixel of the colour is";
     assert_eq!(counted(repaired), 1, "{told}");
     assert_eq!(counted("broken pixels"), 1, "only of the first frame that has some: {told}");
     let quiet = run(program().args([&input, &output]).args(arguments).arg("--quiet"));

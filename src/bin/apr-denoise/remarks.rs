@@ -55,7 +55,8 @@ impl Remarks {
         let line = |((remark, _), told): (&(Remark, String), &Told)| {
             let others: FrameSet = told.frames[1..].iter().copied().flatten().collect();
             let first = told.frames[0].filter(|_| *remark == Remark::Warning && !others.is_empty())?;
-            Some(format!("{}: frames {others} too, as frame {first}: {}", remark.name(), told.words[0]))
+            let frames = if others.iter().count() == 1 { "frame" } else { "frames" };
+            Some(format!("{}: {frames} {others} too, as frame {first}: {}", remark.name(), told.words[0]))
         };
         locked(&self.0).iter().filter_map(line).collect()
     }
