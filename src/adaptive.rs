@@ -108,12 +108,12 @@ pub fn render(
 fn check(renderer: &Renderer, options: &AdaptiveOptions) -> Result<()> {
     let usage = |what: String, remedy: &str| Err(Error::new(ErrorKind::Usage, what).remedy(remedy));
     if options.rounds < 2 {
-        return usage(format!("{} rounds leave nothing to adapt", options.rounds), "give 2 rounds or more");
+        return usage("fewer than 2 rounds leave nothing to adapt".to_owned(), "give 2 rounds or more");
     }
     let least = options.rounds + LEAST_FIRST - 1;
     if options.spp < least {
         let what = format!(
-            "{} samples per pixel are too few for {} rounds, the first of {LEAST_FIRST} samples",
+            "an spp of {} is too little for {} rounds, the first of {LEAST_FIRST} samples",
             options.spp, options.rounds
         );
         return usage(what, &format!("give an spp of {least} or more, or fewer rounds"));

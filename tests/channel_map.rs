@@ -447,6 +447,25 @@ fn renderers_with_one_file_per_buffer_are_read_from_the_folder() {
 }
 
 #[test]
+fn a_colour_without_any_light_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let count = SIZE.0 * SIZE.1;
+    let warned = |light: f32| {
+        let planes =
+            ["R", "G", "B"].map(|name| float(name, vec![if name == "G" { light } else { -1.0 }; count]));
+        write_one(&path, layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), planes.to_vec()));
+        let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
+        picture
+            .layout()
+            .warnings
+            .iter()
+            .any(|it| it.contains("nowhere above 0") && it.contains("--map color"))
+    };
+    assert!(warned(0.0) && warned(-1.0) && !warned(0.1));
+}
+
+#[test]
 fn parts_are_layers_but_for_the_one_that_holds_the_picture() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("parts.exr");

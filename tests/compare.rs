@@ -66,8 +66,36 @@ fn exit_codes_tell_usage_missing_broken_and_unwritable_apart() {
     assert_eq!(code(&[&good, &folder.join("missing.exr")]), Some(3));
     assert_eq!(code(&[&broken, &good]), Some(4));
     assert_eq!(code(&[&good, &good, Path::new("--heatmap"), &folder.join("no/such/folder.png")]), Some(5));
+    for option in ["--heatmap", "--side-by-side"] {
+        let output = compare(&[&good, &good, Path::new(option), &folder.join("h.jpg")]);
+        let message = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{message}");
+        assert!(
+            message.contains("h.jpg: does not end in .png") && !folder.join("h.jpg").exists(),
+            "{message}"
+        );
+    }
     let message = String::from_utf8(compare(&[&good, &broken]).stderr).unwrap();
     assert!(message.contains("broken.exr") && message.contains("pixel (0, 0)"), "{message}");
+}
+
+#[test]
+fn the_threads_may_be_few() {
+    let folder = folder("threads");
+    let [a, b] = ["a.exr", "b.exr"].map(|name| picture(folder.join(name), 0.5));
+    let four = |command: &[&str]| {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_apr-compare"));
+        program
+            .args(command)
+            .args(["--threads", "4000"])
+            .args(command.is_empty().then_some(&a))
+            .arg(&b)
+            .output()
+            .unwrap()
+    };
+    assert!(four(&[]).status.success(), "{:?}", four(&[]));
+    let told = String::from_utf8(four(&["sweep"]).stderr).unwrap();
+    assert!(told.contains("--reference") && !told.contains("unexpected argument"), "{told}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::exr_files::*;
 use apr::error::ErrorKind;
-use apr::io::{FrameHeader, Picture, ReadOptions, write_frame};
+use apr::io::{FrameHeader, Picture, ReadOptions, Renderer, write_frame};
 use apr::trace::{RenderOptions, Scene, render};
 use apr::{Frame, Options, denoise};
 use exr::prelude::*;
@@ -225,6 +225,49 @@ fn what_does_not_sum_is_denoised_all_the_same_and_said() {
     let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
     assert!(picture.frame().aovs().is_empty());
     assert!(picture.layout().notes.iter().any(|note| note.contains("--aov auto")));
+}
+
+#[test]
+fn that_nothing_was_found_is_told_and_a_variance_is_no_component() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B"];
+    write_one(&path, layer(None, (9, 8), (0, 0), scan_lines(Compression::ZIP16), channels((9, 8), &names)));
+    let told = |options: &ReadOptions| {
+        let notes = Picture::read(&path, options).unwrap().layout().notes.clone();
+        notes.iter().any(|note| note.contains("--aov auto: no components") && note.contains("--aov NAMES"))
+    };
+    assert!(told(&auto()) && !told(&ReadOptions::default()));
+    let error = Picture::read(&path, &named(&["variance"])).unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Usage, "{error}");
+    assert!(error.to_string().contains("'variance': is a variance or a half, and no component"), "{error}");
+}
+
+/// V-Ray's elements hold lobes that look like a set of their own, and its `diffuse` is the albedo.
+#[test]
+fn a_renderers_own_set_is_the_only_one_and_its_features_are_no_components() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let names = ["lighting", "GI", "specular", "SSS", "diffuse"];
+    let addend = |salt: usize| values(72, salt).into_iter().map(|v| v.abs() + 1.0).collect::<Vec<f32>>();
+    let mut all = Vec::new();
+    for (c, component) in ["R", "G", "B"].into_iter().enumerate() {
+        let (layers, albedo) = ([0, 1, 2, 3].map(|layer| addend(3 * layer + c)), vec![0.5; 72]);
+        all.push(float(component, (0..72).map(|i| layers.iter().map(|layer| layer[i]).sum()).collect()));
+        let named = names.iter().zip(layers.iter().chain([&albedo]));
+        all.extend(named.map(|(name, layer)| float(&format!("{name}.{component}"), layer.clone())));
+    }
+    write_one(&path, layer(None, (9, 8), (0, 0), scan_lines(Compression::ZIP16), all));
+    let vray = |aovs: &[&str]| {
+        let options = ReadOptions { profile: Some(Renderer::VRay), ..named(aovs) };
+        Picture::read(&path, &options).unwrap().layout().clone()
+    };
+    let layout = vray(&["auto"]);
+    assert_eq!(layout.sums.iter().map(|sum| sum.set.as_str()).collect::<Vec<_>>(), ["back to beauty"]);
+    assert_eq!(layout.sums[0].layers, names[..4]);
+    assert!(layout.warnings.iter().all(|warning| !warning.contains("do not sum")), "{:?}", layout.warnings);
+    let told = vray(&[]).notes.into_iter().find(|note| note.contains("--aov auto")).unwrap();
+    assert!(told.contains("'SSS'") && !told.contains("'diffuse'"), "{told}");
 }
 
 #[test]

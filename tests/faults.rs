@@ -114,6 +114,7 @@ fn a_read_only_folder_keeps_its_old_result() {
     std::fs::copy(PROGRAM, &program).unwrap();
     allow(folder.path(), 0o755);
     allow(&input, 0o644);
+    allow(&output, 0o666);
     allow(&closed, 0o555);
     let is_root = std::fs::write(closed.join("probe"), "").is_ok();
     if is_root {
@@ -136,6 +137,27 @@ fn a_read_only_folder_keeps_its_old_result() {
     let opened = run(&input, &output);
     assert!(opened.status.success(), "the folder was the only obstacle: {opened:?}");
     assert_eq!(names(&closed), ["out.exr"]);
+}
+
+/// Studios lock what is published so; a rename would ask the folder alone.
+#[test]
+fn a_write_protected_file_is_told_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, locked) = (render(folder.path()), folder.path().join("locked.exr"));
+    std::fs::copy(&input, &locked).unwrap();
+    std::fs::set_permissions(&locked, std::fs::Permissions::from_mode(0o444)).unwrap();
+    let before = std::fs::read(&locked).unwrap();
+    let report = folder.path().join("out.exr");
+    for names in
+        [&[&*input, &locked][..], &[&locked, &locked], &[&input, &report, Path::new("--report"), &locked]]
+    {
+        let output = Command::new(PROGRAM).args(names).args(["--quiet", "--overwrite"]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(UNWRITABLE), "{said}");
+        assert!(said.contains("locked.exr: is write-protected; ") && said.contains("chmod u+w"), "{said}");
+    }
+    assert_eq!(std::fs::read(&locked).unwrap(), before);
+    assert_eq!(names(folder.path()), ["in.exr", "locked.exr"]);
 }
 
 /// A pipe as a target is refused before the work, and stays a pipe.

@@ -130,6 +130,9 @@ fn without_frames_all_that_are_there_are_taken() {
     let shot = Shot::new(&[3, 7]);
     shot.expect(0, &["shot.<frame4>.exr", "den.@@@@.exr", "--quiet"]);
     assert_eq!(shot.names("den"), ["den.0003.exr", "den.0007.exr"]);
+    let (_, complaint) = shot.expect(3, &["shot.###.exr", "den.####.exr"]);
+    let words = "shot.###.exr: no file has a name of this pattern; there is 'shot.####.exr' with frames 3,7";
+    assert!(complaint.contains(words), "{complaint}");
     let (_, complaint) = shot.expect(3, &["nothing.####.exr", "den.####.exr"]);
     assert!(complaint.contains("nothing.####.exr: no file") && complaint.contains("padding"), "{complaint}");
     let skip = ["shot.####.exr", "den.####.exr", "--frames", "20-30", "--missing", "skip", "--quiet"];
@@ -158,6 +161,48 @@ fn further_files_may_be_patterns_too() {
     let (_, complaint) =
         shot.expect(3, &["shot.####.exr", "den.####.exr", "--with", "with.####.exr", "--frames", "1-2"]);
     assert!(complaint.contains("with.0001.exr: is missing"), "{complaint}");
+}
+
+/// One AOV a file is how OIDN's users and many farms keep them: no frame's number may get into a layer's name.
+#[test]
+fn files_of_one_aov_are_layers_of_the_same_name_in_every_frame() {
+    let shot = Shot(tempfile::tempdir().unwrap());
+    let render = |name: &str, frame: i32| {
+        let of = if name == "beauty" { 1 } else { 2 };
+        let planes =
+            [("R", of), ("G", of + 1), ("B", of + 2)].map(|(c, salt)| float(c, values(24 * 18, salt)));
+        let layer = layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), planes.to_vec());
+        write_one(&shot.path(&format!("{name}.{frame:04}.exr")), layer);
+    };
+    let names = ["beauty", "shot_010_albedo", "glow"];
+    for frame in [1, 2] {
+        names.iter().for_each(|name| render(name, frame));
+        std::fs::copy(shot.path(&format!("glow.{frame:04}.exr")), shot.path(&format!("g{frame:03}.exr")))
+            .unwrap();
+    }
+    let taken = |report: &str| {
+        let roles = shot.json(report)["layout"]["roles"].clone();
+        let role = |role: &Value| role["role"].as_str().unwrap().to_owned();
+        roles.as_array().unwrap().iter().map(role).collect::<Vec<_>>()
+    };
+    let run = |more: &[&str]| {
+        let common = ["beauty.####.exr", "den.####.exr", "--report", "r.####.json", "--quiet"];
+        shot.expect(0, &[&common, more].concat());
+        assert_eq!(taken("r.0001.json"), taken("r.0002.json"));
+        taken("r.0002.json")
+    };
+    let albedo = ["--with", "shot_010_albedo.####.exr"];
+    assert_eq!(run(&albedo), ["color", "albedo"]);
+    assert_eq!(run(&[&albedo[..], &["--profile", "luxcore"]].concat()), ["color", "albedo"]);
+    for map in ["albedo=albedo", "albedo=shot_010_albedo"] {
+        assert_eq!(run(&[&albedo[..], &["--map", map]].concat()), ["color", "albedo"], "{map}");
+    }
+    assert_eq!(run(&["--with", "glow.####.exr", "--feature", "glow=glow"]), ["color", "glow"]);
+    assert_eq!(run(&["--with", "g###.exr", "--feature", "glow=g"]), ["color", "glow"]);
+    let single =
+        ["beauty.0001.exr", "one.exr", "--with", "shot_010_albedo.0001.exr", "--quiet", "--report", "r.json"];
+    shot.expect(0, &single);
+    assert_eq!(taken("r.json"), ["color", "albedo"]);
 }
 
 #[test]
@@ -200,13 +245,71 @@ fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
     assert!(complaint.contains("den.0003.exr: was made otherwise: this program did not"), "{complaint}");
 }
 
+/// `apr-denoise f.*.exr`, unquoted, names a second render as the result.
+#[test]
+fn a_picture_of_somebody_else_is_not_replaced_unasked() {
+    let shot = Shot::new(&[1, 2, 3]);
+    let second = shot.bytes("shot.0002.exr");
+    let run = |code: i32, names: &[&str]| shot.expect(code, &[names, &["--quiet"]].concat()).1;
+    let told = run(2, &["shot.0001.exr", "shot.0002.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already, and this program did not write it; "), "{told}");
+    assert!(told.contains("--overwrite") && told.contains("'shot.####.exr', in quotes"), "{told}");
+    let told = run(2, &["shot.0001.exr", "shot.0002.exr", "shot.0003.exr"]);
+    assert!(told.contains("shot.0003.exr: is a third name") && told.contains("in quotes"), "{told}");
+    let told =
+        run(2, &["shot.####.exr", "den.####.exr", "--frames", "1-2", "--sampling-map", "shot.0003.exr"]);
+    assert!(told.contains("several results"), "{told}");
+    let told = run(2, &["shot.0001.exr", "den.exr", "--sampling-map", "shot.0002.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already"), "{told}");
+    assert_eq!(shot.bytes("shot.0002.exr"), second);
+    assert!(shot.names("den").is_empty());
+
+    // Its own results and maps, what is no picture, and what it is told to.
+    std::fs::write(shot.path("den.exr"), "taken by a scheduler").unwrap();
+    for _ in 0..2 {
+        run(0, &["shot.0001.exr", "den.exr", "--sampling-map", "map.exr"]);
+    }
+    run(0, &["shot.0001.exr", "part.exr", "--region", "0,0,25,22"]);
+    let told = run(2, &["merge", "shot.0002.exr", "part.exr"]);
+    assert!(told.contains("shot.0002.exr: is there already"), "{told}");
+    run(0, &["merge", "--overwrite", "shot.0002.exr", "part.exr"]);
+    run(0, &["shot.0001.exr", "shot.0003.exr", "--overwrite"]);
+    assert!(shot.bytes("shot.0002.exr") == shot.bytes("shot.0003.exr"));
+
+    for frame in [2, 3] {
+        shot.render("shot", frame);
+        shot.render("den", frame);
+    }
+    let told = run(2, &["shot.####.exr", "den.####.exr"]);
+    assert!(told.contains("den.0002.exr: is there already") && told.contains("for frames 2,3"), "{told}");
+    assert_eq!(shot.names("den."), ["den.0002.exr", "den.0003.exr", "den.exr"], "before any work");
+}
+
 #[test]
 fn a_sequence_that_is_denoised_already_is_told_once() {
-    let shot = Shot::new(&[1, 2]);
+    let shot = Shot::new(&[1, 2, 3]);
     shot.expect(0, &["shot.####.exr", "den.####.exr"]);
     let (_, told) = shot.expect(0, &["den.####.exr", "again.####.exr"]);
-    assert_eq!(told.matches("is denoised already").count(), 1, "{told}");
-    assert!(told.contains("note: frame 1: den.0001.exr: is denoised already"), "{told}");
+    assert!(told.contains("warning: frame 1: den.0001.exr: is denoised already"), "{told}");
+    let all = "warning: frames 2,3 too, as frame 1: den.0001.exr: is denoised already";
+    assert!(told.contains(all) && told.matches("is denoised already").count() == 2, "{told}");
+}
+
+/// A job that was broken off and is started again must not denoise a frame twice without a word.
+#[test]
+fn a_sequence_in_place_is_denoised_once() {
+    let shot = Shot::new(&[1, 2, 3]);
+    shot.expect(0, &["shot.####.exr", "shot.####.exr", "--frames", "1-2", "--quiet"]);
+    let begun = [1, 2, 3].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
+    let again = ["shot.####.exr", "shot.####.exr", "--quiet"];
+    let (_, told) = shot.expect(4, &again);
+    assert!(told.contains("shot.0001.exr: is denoised already by this program"), "{told}");
+    assert!(told.contains("(and so for frames 1,2); give --skip-existing"), "{told}");
+    assert!(begun == [1, 2, 3].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr"))), "before any work");
+    shot.expect(0, &[&again[..], &["--skip-existing"]].concat());
+    assert!(begun[..2] == [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr"))));
+    assert!(begun[2] != shot.bytes("shot.0003.exr"));
+    shot.expect(0, &[&again[..], &["--overwrite"]].concat());
 }
 
 #[test]
@@ -218,6 +321,10 @@ fn skipping_holds_for_one_picture_and_in_place() {
     assert_eq!(state(), "done");
     shot.expect(0, &one);
     assert_eq!(state(), "skipped");
+    let (said, _) = shot.expect(0, &one[..3]);
+    assert_eq!(said, "den.exr: is there already, made by the same options\n");
+    let (said, _) = shot.expect(0, &["shot.####.exr", "d.#.exr"]);
+    assert!(said.contains("1 frame denoised in"), "{said}");
     let in_place = ["shot.####.exr", "shot.####.exr", "--skip-existing", "--quiet"];
     shot.expect(0, &in_place);
     assert!(shot.bytes("shot.0001.exr") == shot.bytes("den.exr"));
@@ -295,7 +402,10 @@ fn names_that_would_lose_something_are_refused() {
     shot.render("half", 1);
     let renders = [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
     let cases: [(&[&str], &str); 17] = [
-        (&["shot.####.exr", "den.exr"], "several results"),
+        (
+            &["shot.####.exr", "den.exr"],
+            "den.exr: several results would be written here: the name has no place",
+        ),
         (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
         (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
         (&["shot.####.exr", "den.####.exr", "--half", "half.0001.exr"], "one file for many"),

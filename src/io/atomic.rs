@@ -109,23 +109,36 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Checks that a file can be written at `target`, before the work that is to fill it.
 ///
 /// # Errors
-/// `Unwritable` when it is anything but a regular file, or its folder is missing or takes no new file.
+/// `Unwritable` when it is anything but a regular file or write-protected, or its folder is missing or takes no new file.
 pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
     let target = target.as_ref();
-    replaced(target)?;
+    check_old(target)?;
     let created = Temporary::beside(&followed(target));
     created.map(|_| ()).map_err(|error| cannot_write(&error).in_file(target))
+}
+
+/// The part of [`check_target`] that is about what is there already, and leaves no trace in the folder.
+///
+/// # Errors
+/// `Unwritable` when it is anything but a regular file or write-protected.
+pub fn check_old(target: impl AsRef<Path>) -> Result<()> {
+    replaced(target.as_ref()).map(|_| ())
 }
 
 /// The file that a result replaces; none where there is none yet.
 ///
 /// # Errors
-/// `Unwritable` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it.
+/// `Unwritable` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it. And when
+/// it is protected, which a rename would not mind: it asks the folder alone.
 fn replaced(target: &Path) -> Result<Option<Metadata>> {
     let refuse = |what: &str, remedy: &str| {
         Err(Error::new(ErrorKind::Unwritable, what).remedy(remedy).in_file(target))
     };
     match fs::metadata(target) {
+        // Root may write to all files; what nobody else may write to is protected from it as well.
+        Ok(old) if old.is_file() && (old.permissions().readonly() || is_forbidden(target)) => {
+            refuse("is write-protected", "name the result otherwise, or make the file writable (chmod u+w)")
+        }
         Ok(old) if old.is_file() => Ok(Some(old)),
         Ok(old) if old.is_dir() => refuse("is a folder where a file was expected", "name a file in it"),
         Ok(_) => refuse(
@@ -135,6 +148,11 @@ fn replaced(target: &Path) -> Result<Option<Metadata>> {
         Err(error) if error.kind() == Cause::NotFound => Ok(None),
         Err(error) => Err(cannot_write(&error).in_file(target)),
     }
+}
+
+/// Whether this user may not write to the file at `path`, which is not changed.
+fn is_forbidden(path: &Path) -> bool {
+    File::options().write(true).open(path).is_err_and(|error| error.kind() == Cause::PermissionDenied)
 }
 
 /// Lets those read and write `file` who may do so with the `old` one.
@@ -284,11 +302,16 @@ mod tests {
         symlink("a.exr", &link).unwrap();
         symlink("far/c.exr", &new).unwrap();
         fs::write(&file, "old").unwrap();
-        for mode in [0o600, 0o664, 0o444] {
+        for mode in [0o600, 0o664, 0o200] {
             fs::set_permissions(&file, fs::Permissions::from_mode(mode)).unwrap();
             write_bytes(&link, format!("{mode}").as_bytes()).unwrap();
-            assert_eq!(fs::read_to_string(&file).unwrap(), format!("{mode}"));
             assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, mode);
+            fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+            assert_eq!(fs::read_to_string(&file).unwrap(), format!("{mode}"));
+        }
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o444)).unwrap();
+        for refused in [check_target(&link), write_bytes(&link, b"new")] {
+            assert!(refused.unwrap_err().to_string().contains("is write-protected"));
         }
         check_target(&new).unwrap();
         write_bytes(&new, b"far").unwrap();

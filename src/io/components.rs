@@ -34,7 +34,7 @@ const fn set(renderer: Renderer, name: &'static str, addends: &'static [&'static
     SetRow { renderer, name, addends }
 }
 
-/// The sets of every renderer; those of the detected one are tried before the plain ones.
+/// The sets of every renderer; the plain ones are tried where those of the detected one find nothing.
 #[rustfmt::skip]
 const SETS: &[SetRow] = &[
     set(Renderer::Cycles, "light groups", &[&["*.Combined_*"]]),
@@ -140,6 +140,14 @@ impl Asked {
         for name in names.iter().map(|name| name.trim()).filter(|name| !name.eq_ignore_ascii_case(AUTO)) {
             let found: Vec<Component> =
                 casting.pictures(color).filter(|component| names_layer(name, &component.name)).collect();
+            if found.is_empty() && casting.has_statistic(|layer| names_layer(name, layer)) {
+                return Err(Error::new(
+                    ErrorKind::Usage,
+                    "is a variance or a half, and no component of the beauty",
+                )
+                .in_channel(name)
+                .remedy("leave it out of --aov"));
+            }
             if found.is_empty() {
                 let what = "no layer of this name with three channels, or one, is in the first file";
                 let names = casting.pictures(color).map(|component| component.name);
@@ -162,15 +170,28 @@ impl Asked {
             }
         }
         if names.iter().any(|name| name.trim().eq_ignore_ascii_case(AUTO)) {
+            let features = casting.features(color); // V-Ray's `diffuse` is its albedo
+            let has_role = |component: &Component| component.channels.iter().any(|c| features.contains(c));
             let pictures: Vec<Component> = casting
                 .pictures(color)
                 .filter(|component| component.channels.len() == 3 && !is_beauty(component))
+                .filter(|component| !has_role(component))
                 .filter(|component| component.channels.iter().all(&writable))
                 .collect();
             asked.sets = sets(&pictures, renderer);
             asked.further = pictures;
         }
         Ok(asked)
+    }
+
+    /// In words, that `sums` have none that were found by themselves, where `names` ask for those.
+    pub(super) fn note(sums: &[Sum], names: &[String]) -> Option<String> {
+        let auto = names.iter().any(|name| name.trim().eq_ignore_ascii_case(AUTO));
+        (auto && !sums.iter().any(|sum| sum.by_itself)).then(|| {
+            "--aov auto: no components that sum to the beauty were found; name those that are to be denoised with it by \
+             --aov NAMES"
+                .to_owned()
+        })
     }
 
     /// The channels whose numbers are needed.
@@ -252,12 +273,16 @@ fn names_layer(name: &str, layer: &str) -> bool {
     match_layer(name, layer).is_some() || match_layer(&format!("*.{name}"), layer).is_some()
 }
 
-/// The sets among `pictures`. One of named lobes needs two of them: a lone `diffuse` sums to nothing.
+/// The sets among `pictures`. The plain ones would find sums in a part of the renderer's own.
 fn sets(pictures: &[Component], renderer: Renderer) -> Vec<Set> {
-    let own = SETS.iter().filter(|row| row.renderer == renderer && renderer != Renderer::Plain);
-    let rows = own.chain(SETS.iter().filter(|row| row.renderer == Renderer::Plain));
+    let own = sets_of(pictures, renderer);
+    if own.is_empty() { sets_of(pictures, Renderer::Plain) } else { own }
+}
+
+/// The sets of `renderer` alone. One of named lobes needs two of them: a lone `diffuse` sums to nothing.
+fn sets_of(pictures: &[Component], renderer: Renderer) -> Vec<Set> {
     let mut sets: Vec<Set> = Vec::new();
-    for row in rows {
+    for row in SETS.iter().filter(|row| row.renderer == renderer) {
         let mut set = Set { name: row.name, components: Vec::new(), addends: Vec::new() };
         for (whole, parts) in row.addends.iter().filter_map(|addend| addend.split_first()) {
             let mut add = |pattern: &str, is_addend: bool| {
@@ -325,6 +350,14 @@ mod tests {
         assert_eq!(found(Renderer::Arnold, &names), ["lobes: diffuse + specular_direct + specular_indirect"]);
         assert_eq!(sets(&components(&names), Renderer::Arnold)[0].components.len(), 5, "all are denoised");
         assert!(found(Renderer::Arnold, &["diffuse"]).is_empty(), "one lobe sums to nothing");
+    }
+
+    #[test]
+    fn the_plain_sets_are_no_part_of_a_renderers_own() {
+        let names = ["lighting", "GI", "specular", "SSS", "selfIllum"];
+        let own = "back to beauty: lighting + GI + specular + SSS + selfIllum";
+        assert_eq!(found(Renderer::VRay, &names), [own]);
+        assert_eq!(found(Renderer::VRay, &["lightgroup_a", "N"]), ["light groups: lightgroup_a"]);
     }
 
     #[test]

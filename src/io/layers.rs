@@ -1,10 +1,16 @@
 //! The channels of one or more files, gathered into layers.
 
+use std::path::Path;
+
 use exr::meta::header::Header;
 
 use super::channels::{LAYERS, Renderer, Role};
 use super::decode::ChannelAt;
 use super::document::Document;
+use super::siblings::is_buffer;
+
+/// What stands between the words of a file's name.
+const BETWEEN: [char; 3] = ['.', '_', '-'];
 
 /// Names of parts that are no layers of their own: their channels are the picture's.
 const NEUTRAL_PARTS: [&str; 7] = ["", "rgba", "rgb", "beauty", "main", "default", "color"];
@@ -25,6 +31,8 @@ pub(super) struct Channel {
 pub(super) struct Layer {
     /// Empty for the bare `R,G,B`.
     pub(super) name: String,
+    /// What it may be called besides, where it has its name of a file.
+    pub(super) other_names: Vec<String>,
     /// The view (`left`, `right`) of a stereo file's part.
     pub(super) view: Option<String>,
     /// Component names with their places, in the file's order.
@@ -57,22 +65,22 @@ impl Layer {
     }
 }
 
-/// All layers of `documents`, in the files' order. With `one_file_per_buffer` the bare channels of a
-/// file form a layer of the file's name, less what all names have in common with the first. The
-/// channels of the first file's `main_part` belong to the picture, whatever the part is called.
+/// All layers of `documents`, in the files' order. The bare channels of a further file form a layer of the
+/// file's name; with `one_file_per_buffer` those of the first do so too, less what all names have in common with it.
+/// The channels of the first file's `main_part` belong to the picture, whatever the part is called.
 pub(super) fn gather(
     documents: &[Document],
     one_file_per_buffer: Option<Renderer>,
     main_part: Option<usize>,
 ) -> Vec<Layer> {
     let mut layers: Vec<Layer> = Vec::new();
-    let prefix = one_file_per_buffer.map(|renderer| buffer_prefix(&stem(&documents[0]), renderer));
+    let prefix = one_file_per_buffer.map(|renderer| buffer_prefix(&stem(documents[0].path()).0, renderer));
     for (file, document) in documents.iter().enumerate() {
-        let file_layer = match &prefix {
-            Some(prefix) => stem(document).strip_prefix(prefix.as_str()).map(str::to_owned),
-            None if file > 0 => Some(stem(document)),
-            None => None,
-        };
+        let is_layer = file > 0 || prefix.is_some();
+        let names = if is_layer { file_names(document.path(), prefix.as_deref()) } else { vec![] };
+        // A first file of a name that says nothing holds the picture.
+        let unknown = if file > 0 { names.first() } else { None };
+        let file_layer = known(&names, one_file_per_buffer.unwrap_or(Renderer::Plain)).or(unknown);
         for (part, header) in document.headers().iter().enumerate() {
             let in_words = has_colors_in_words(header);
             let view = header.own_attributes.view_name.as_ref().map(ToString::to_string);
@@ -82,9 +90,9 @@ pub(super) fn gather(
             };
             for (channel, description) in header.channels.list.iter().enumerate() {
                 let (layer, component) = split_name(&description.name.to_string(), in_words);
-                let mut name = join(&part_layer, &layer);
+                let (mut name, mut other_names) = (join(&part_layer, &layer), vec![]);
                 if name.is_empty() {
-                    name = file_layer.clone().unwrap_or_default();
+                    (name, other_names) = (file_layer.cloned().unwrap_or_default(), names.clone());
                 }
                 let at = (component, Channel { file, at: ChannelAt { part, channel } });
                 let same = |layer: &&mut Layer| {
@@ -93,7 +101,10 @@ pub(super) fn gather(
                 };
                 match layers.iter_mut().rev().find(same) {
                     Some(layer) => layer.components.push(at),
-                    None => layers.push(Layer { name, view: view.clone(), components: vec![at] }),
+                    None => {
+                        let view = view.clone();
+                        layers.push(Layer { name, other_names, view, components: vec![at] });
+                    }
                 }
             }
         }
@@ -109,9 +120,33 @@ pub(super) fn first_with_rgb(document: &Document) -> Option<usize> {
     })
 }
 
-/// The file's name without folder and ending.
-fn stem(document: &Document) -> String {
-    document.path().file_stem().unwrap_or_default().to_string_lossy().into_owned()
+/// The file's name without folder and ending, and what of it is the number of a frame at its end: `albedo` and `.0001`.
+pub(super) fn stem(path: &Path) -> (String, String) {
+    /// As few digits are a frame's without anything before them: `albedo2` is that of the second hit.
+    const PADDED: usize = 3;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let word = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let digits = name.len() - word.len();
+    let bare = word.trim_end_matches(BETWEEN);
+    let is_frame = !bare.is_empty() && digits > 0 && (bare.len() < word.len() || digits >= PADDED);
+    let (stem, number) = name.split_at(if is_frame { bare.len() } else { name.len() });
+    (stem.to_owned(), number.to_owned())
+}
+
+/// What the layer of a file's bare channels may be called: what follows `prefix`, the file's name without the number of
+/// a frame at its end, what follows each sign in that, and the whole name.
+fn file_names(path: &Path, prefix: Option<&str>) -> Vec<String> {
+    let (stem, number) = stem(path);
+    let after = prefix.and_then(|prefix| stem.strip_prefix(prefix)).map(str::to_owned);
+    let ends = stem.match_indices(BETWEEN).map(|(sign, _)| stem[sign + 1..].to_owned());
+    let mut names: Vec<String> = after.into_iter().chain([stem.clone()]).chain(ends).collect();
+    names.push(stem.clone() + &number);
+    names
+}
+
+/// The first of `names` that the channel map knows.
+fn known(names: &[String], renderer: Renderer) -> Option<&String> {
+    names.iter().find(|name| [renderer, Renderer::Plain].iter().any(|of| is_buffer(name, *of)))
 }
 
 /// What stands in the first file's name before the renderer's name of the colour.
@@ -196,6 +231,27 @@ mod tests {
         assert_eq!(join("ViewLayer", "Combined"), "ViewLayer.Combined");
         assert_eq!(join("forward", "forward"), "forward");
         assert_eq!(join("", "N"), "N");
+    }
+
+    #[test]
+    fn files_are_called_by_their_words_and_not_by_their_frames() {
+        let of = |name: &str| {
+            let names = file_names(Path::new(name), None);
+            (known(&names, Renderer::Plain).unwrap_or(&names[0]).clone(), stem(Path::new(name)).1)
+        };
+        for (file, name, number) in [
+            ("albedo.exr", "albedo", ""),
+            ("a/albedo.0001.exr", "albedo", ".0001"),
+            ("shot_010_albedo.-005.exr", "albedo", ".-005"),
+            ("shot.0001.diffuse_albedo.exr", "diffuse_albedo", ""),
+            ("albedo2.7.exr", "albedo2", ".7"),
+            ("albedo0007.exr", "albedo", "0007"),
+            ("shot_albedoVariance_0007.exr", "albedoVariance", "_0007"),
+            ("key_light.0007.exr", "key_light", ".0007"),
+            ("0007.exr", "0007", ""),
+        ] {
+            assert_eq!(of(file), (name.to_owned(), number.to_owned()), "{file}");
+        }
     }
 
     #[test]

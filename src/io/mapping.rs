@@ -178,7 +178,8 @@ fn layer_named<'l>(
     };
     let of_view = |layer: &&Layer| layer.name.is_empty() && layer.view.as_deref().is_some_and(is);
     let named = layers.iter().find(|layer| is(&layer.name));
-    named.or_else(in_part).or_else(|| layers.iter().find(of_view))
+    let of_file = || layers.iter().find(|layer| layer.other_names.iter().any(|name| is(name)));
+    named.or_else(in_part).or_else(of_file).or_else(|| layers.iter().find(of_view))
 }
 
 /// What to do about a name that is not there: the names that are, where they are few, else the likest ones.

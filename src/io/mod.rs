@@ -54,7 +54,7 @@ mod survey;
 mod variance;
 mod zip;
 
-pub use atomic::{abandon_temporaries, check_target, write_bytes};
+pub use atomic::{abandon_temporaries, check_old, check_target, write_bytes};
 pub use beauty::{Beauty, read_rgb};
 pub use bounds::bound_feature;
 pub use channels::{Renderer, VarianceKind};
@@ -66,6 +66,6 @@ pub use merge::merge;
 pub use own::{FrameHeader, write_frame, write_plane};
 pub use picture::{Picture, ReadOptions};
 pub use places::{RunFile, check_apart, check_ending, is_same_file};
-pub use provenance::{Provenance, provenance};
+pub use provenance::{Provenance, is_exr, provenance};
 pub use sums::{Deviation, SumCheck};
 pub use survey::Survey;

@@ -1,5 +1,7 @@
 //! What a result's header tells of how it was made.
 
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use super::document::Document;
@@ -15,6 +17,15 @@ pub struct Provenance {
     /// The region of a picture that it holds: x, y, width, height in the file's pixel coordinates; none where it is a
     /// whole one.
     pub region: Option<[i64; 4]>,
+    /// The names of its channels, part by part.
+    pub channels: Vec<String>,
+}
+
+/// Whether the file at `path` says of itself that it is OpenEXR, whatever else is in it.
+pub fn is_exr(path: impl AsRef<Path>) -> bool {
+    const BEGIN: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+    let mut begin = [0; BEGIN.len()];
+    File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == BEGIN
 }
 
 /// How the result at `path` was made. Reads no pixels.
@@ -24,8 +35,10 @@ pub struct Provenance {
 pub fn provenance(path: impl AsRef<Path>) -> Result<Provenance> {
     let document = Document::open(path.as_ref())?;
     let headers = document.headers();
+    let channels = headers.iter().flat_map(|header| &header.channels.list);
     Ok(Provenance {
         signature: headers.iter().find_map(signature_in),
         region: headers.iter().find_map(Mark::of).map(|mark| mark.region),
+        channels: channels.map(|channel| channel.name.to_string()).collect(),
     })
 }

@@ -119,6 +119,19 @@ impl<'a> Casting<'a> {
         found
     }
 
+    /// Whether a layer that holds a statistic of another one has such a name.
+    pub(super) fn has_statistic(&self, is_meant: impl Fn(&str) -> bool) -> bool {
+        self.statistics().iter().any(|&i| is_meant(&self.layers[i].name))
+    }
+
+    /// The channels that are features by their names, whether or not another one is preferred.
+    pub(super) fn features(&self, color: &Candidate) -> BTreeSet<Channel> {
+        let is_one = |found: &Candidate| matches!(found.mean.target.role, Role::Feature(_));
+        let named = |found: &Candidate| is_one(found) && found.evidence == Evidence::Name;
+        let found = self.candidates(color).into_iter().filter(named);
+        found.flat_map(|found| found.mean.channels).collect()
+    }
+
     /// The layers of the first file that go with `color` and could be a component of it: three channels,
     /// or one, that hold no statistic of another layer.
     pub(super) fn pictures(&self, color: &Candidate) -> impl Iterator<Item = Component> {

@@ -1,7 +1,7 @@
 //! A file, with those beside it, understood: which channels play which role, and their pixels on demand.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use exr::meta::attribute::IntegerBounds;
 use exr::meta::header::Header;
@@ -15,10 +15,11 @@ use super::components::{Asked, Sum};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::evidence::Tally;
-use super::layers::{Channel, Layer, buffer_prefix};
+use super::layers::{Channel, Layer, buffer_prefix, stem};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, Target, find, target};
 use super::picture::ReadOptions;
+use super::places::is_same_file;
 use super::recognize::{detect, layers, samples_in};
 use super::region::{numbers, told};
 use super::roles::{Candidate, Casting, Choice, has_variance, settle};
@@ -119,11 +120,13 @@ impl Source {
         note_windows(&documents, &cast.choices, window, &mut remarks);
         note_bounds(&cast.choices, &statistics, &mut remarks);
         warn_of_broken(&cast.choices, &documents, &statistics, &mut remarks);
+        warn_of_darkness(&cast.choices, &documents, &statistics, &mut remarks);
         if options.variance_kind.is_none() && has_variance(&cast.choices) {
             let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
         }
         note_other_colors(&casting.other_colors(&color), &mut remarks);
+        remarks.notes.extend(Asked::note(&sums, &options.aovs));
         if options.aovs.is_empty() {
             note_components(&components(&["auto".to_owned()])?.automatic(), &mut remarks);
         }
@@ -162,6 +165,13 @@ impl Source {
         let planes = self.choices.iter().map(|choice| choice.channels.len()).sum();
         let header = &self.documents[0].headers()[self.beauty[0].part];
         bands(self.size(), bytes_of_row(self.window, planes), lines_of_block(header))
+    }
+
+    /// Bytes of the planes of the largest of these bands.
+    pub(super) fn band_bytes(&self) -> usize {
+        let planes: usize = self.choices.iter().map(|choice| choice.channels.len()).sum();
+        let rows = self.bands().next().map_or(0, |band| band.height);
+        rows * bytes_of_row(self.window, planes)
     }
 
     /// Keeps from now on up to `room` bytes of blocks as they are decoded. Returns what is left of `room`.
@@ -322,9 +332,8 @@ fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
         documents.push(Document::open(further)?);
     }
     if let Some(renderer) = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer()) {
-        let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        let prefix = buffer_prefix(&name, renderer);
-        for sibling in buffers_beside(path, &prefix, renderer) {
+        let given = |file: &PathBuf| options.with.iter().any(|with| is_same_file(with, file));
+        for sibling in buffers_beside(path, renderer).into_iter().filter(|file| !given(file)) {
             documents.push(Document::open(&sibling)?);
         }
     }
@@ -462,6 +471,26 @@ fn warn_of_broken(
     ));
 }
 
+/// A wrong layer that is taken for the colour looks like this; so does a black frame.
+fn warn_of_darkness(
+    choices: &[Choice],
+    documents: &[Document],
+    statistics: &BTreeMap<Channel, Statistics>,
+    remarks: &mut Remarks,
+) {
+    let is_color = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
+    let Some(color) = choices.iter().find(is_color) else { return };
+    let ranges: Option<Vec<_>> = color.channels.iter().map(|channel| statistics[channel].range()).collect();
+    if ranges.is_none_or(|ranges| ranges.iter().any(|(_, most)| *most > 0.0)) {
+        return;
+    }
+    let names: Vec<String> = color.channels.iter().map(|channel| told_name(documents, *channel)).collect();
+    remarks.warnings.push(format!(
+        "{}: nowhere above 0, and taken for the colour: if the picture is not black, name its channels by --map color=…",
+        names.join(", ")
+    ));
+}
+
 /// The files that have channels of these `choices`.
 fn files_of<'c>(choices: impl Iterator<Item = &'c Choice>) -> BTreeSet<usize> {
     choices.flat_map(|choice| &choice.channels).map(|channel| channel.file).collect()
@@ -569,11 +598,11 @@ fn note_other_colors(others: &[String], remarks: &mut Remarks) {
 
 /// A renderer that writes one file per buffer leaves no mark, but its other files may lie there.
 fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let (name, _) = stem(path);
     for (profile, renderer) in Renderer::NAMES.iter().filter(|(_, r)| r.writes_one_file_per_buffer()) {
         let prefix = buffer_prefix(&name, *renderer);
         let is_color = name.len() > prefix.len() && is_buffer(&name[prefix.len()..], *renderer);
-        if is_color && !buffers_beside(path, &prefix, *renderer).is_empty() {
+        if is_color && !buffers_beside(path, *renderer).is_empty() {
             remarks
                 .notes
                 .push(format!("further buffers lie beside the file: --profile {profile} reads them"));

@@ -8,6 +8,7 @@ use exr::meta::attribute::IntegerBounds;
 
 use super::components::Sum;
 use super::decode::ChannelAt;
+use super::document::Document;
 use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
@@ -92,7 +93,7 @@ impl Survey {
         };
         let mut layout = main.layout.clone();
         layout.half = options.half.as_ref().map(|half| half.display().to_string());
-        layout.notes.extend(std::iter::once(&main).chain(&half).filter_map(note_denoised));
+        layout.warnings.extend(std::iter::once(&main).chain(&half).filter_map(warn_of_denoised));
         let survey = Self { main, half, layout, signature: OnceLock::new() };
         Ok((survey, planes.map(|planes| (planes, half_planes))))
     }
@@ -108,6 +109,18 @@ impl Survey {
     /// Columns and rows of the colour.
     pub fn size(&self) -> (usize, usize) {
         self.main.size()
+    }
+
+    /// Bytes of the largest block of its files, decoded: what is read or written at once is whole ones.
+    pub fn block_bytes(&self) -> usize {
+        let documents = std::iter::once(&self.main).chain(&self.half).flat_map(|source| &source.documents);
+        let headers = documents.flat_map(Document::headers);
+        headers.map(|header| header.max_block_byte_size()).max().unwrap_or(0)
+    }
+
+    /// Bytes of the planes that were held at once when it was looked through.
+    pub fn band_bytes(&self) -> usize {
+        std::iter::once(&self.main).chain(&self.half).map(Source::band_bytes).sum()
     }
 
     /// What was found.
@@ -300,7 +313,7 @@ impl Survey {
 }
 
 /// Tells of a file that is a result itself: what noise it still has is none that anything here expects.
-fn note_denoised(source: &Source) -> Option<String> {
+fn warn_of_denoised(source: &Source) -> Option<String> {
     let file = &source.documents[0];
     file.headers().iter().find_map(signature_in).map(|_| {
         let file = file.path().display();

@@ -163,6 +163,9 @@ fn equal_time(sweep: &Sweep) -> String {
     let of = |input: &Input| {
         let row = |run: &Run| {
             let e = sweep.equal_time(input, run)?;
+            // A run that is worse than its input never pays.
+            let break_even = Some(e.break_even_sample_seconds).filter(|seconds| seconds.is_finite());
+            let break_even = break_even.map_or("–".into(), |seconds| format!("{seconds:.4}"));
             let (samples, error) = e.bought.map_or(("–".into(), "–".into()), |(samples, error)| {
                 (format!("{samples:.1}"), format!("{error:.6}"))
             });
@@ -171,7 +174,7 @@ fn equal_time(sweep: &Sweep) -> String {
                 format!("{:.3}", run.seconds?),
                 format!("{:.6}", sweep.error(&run.scores)),
                 format!("{:.0}", e.equivalent_spp),
-                format!("{:.4}", e.break_even_sample_seconds),
+                break_even,
                 samples,
                 error,
             ])

@@ -70,6 +70,26 @@ fn checkpoints_are_kept_at_their_times() {
 }
 
 #[test]
+fn a_frames_number_takes_its_place_in_the_names() {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path(), [8, 6]);
+    let run = |more: &[&str]| {
+        let mut command = program();
+        command.current_dir(folder.path()).args(["scene.json", "c.####.exr", "--spp", "1", "--quiet"]);
+        let output = command.args(more).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, complaint) = run(&[]);
+    assert_eq!(code, Some(2), "{complaint}");
+    assert!(
+        complaint.contains("c.####.exr: has a place for the frame's number")
+            && complaint.contains("--frame K/M")
+    );
+    assert_eq!(run(&["--frame", "2/3", "--report", "c.$F2.json"]), (Some(0), String::new()));
+    assert!(folder.path().join("c.0002.exr").exists() && folder.path().join("c.02.json").exists());
+}
+
+#[test]
 fn a_killed_reference_goes_on_where_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, out) = (write_scene(folder.path(), [48, 36]), folder.path().join("out.exr"));

@@ -10,6 +10,8 @@ mod failure;
 mod generate;
 mod processor;
 mod sweep;
+#[path = "../apr-denoise/threads.rs"]
+mod threads;
 mod variants;
 
 use std::process::ExitCode;
@@ -33,6 +35,10 @@ struct CommandLine {
     command: Option<Command>,
     #[command(flatten)]
     compare: Option<compare::CompareArguments>,
+    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. No number but
+    /// the seconds depends on it.
+    #[arg(long, value_name = "N", global = true, value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
 }
 
 #[derive(clap::Subcommand)]
@@ -50,9 +56,11 @@ const EXIT_CODES: &str = "Exit codes:
 
 fn main() -> ExitCode {
     let arguments = generate::parse::<CommandLine>(&[]);
-    failure::told(|| match (&arguments.command, &arguments.compare) {
-        (Some(Command::Sweep(sweep)), _) => answer::print(sweep::run(sweep)?.trim_end()),
-        (None, Some(compare)) => answer::print(compare::run(compare)?.trim_end()),
-        (None, None) => unreachable!("clap asks for one of them"),
+    failure::told(|| {
+        threads::start(arguments.threads).and_then(|()| match (&arguments.command, &arguments.compare) {
+            (Some(Command::Sweep(sweep)), _) => answer::print(sweep::run(sweep)?.trim_end()),
+            (None, Some(compare)) => answer::print(compare::run(compare)?.trim_end()),
+            (None, None) => unreachable!("clap asks for one of them"),
+        })
     })
 }

@@ -40,6 +40,12 @@ pub enum Command {
     Merge {
         /// Where the picture goes (EXR). Appears whole or not at all.
         output: PathBuf,
+        /// Replace a picture at OUTPUT that this program did not write.
+        #[arg(long)]
+        overwrite: bool,
+        /// Print nothing but errors.
+        #[arg(long, short)]
+        quiet: bool,
         /// The regions' files, in any order: all of one picture, by the same options.
         #[arg(required = true)]
         regions: Vec<PathBuf>,
@@ -51,9 +57,13 @@ pub enum Command {
 pub struct Arguments {
     /// The render (EXR), or the renders of a sequence: 'shot.####.exr'.
     pub input: PathBuf,
-    /// Where the result goes (EXR); may be the input. Appears whole or not at all.
+    /// Where the result goes (EXR); may be the input. Appears whole or not at all. Replaces an earlier result, but no
+    /// other picture (see --overwrite).
     #[arg(required_unless_present = "inspect")]
     pub output: Option<PathBuf>,
+    /// What the shell makes of shot.*.exr.
+    #[arg(hide = true)]
+    pub further: Vec<PathBuf>,
 
     /// Print what was found and what would be run, and stop.
     #[arg(long)]
@@ -68,6 +78,10 @@ pub struct Arguments {
     /// have been made by the same options and version, of the same region, else the run stops before any work.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
+    /// Replace pictures that this program did not write, too; and denoise those again, in their own place, that it has
+    /// denoised already.
+    #[arg(long)]
+    pub overwrite: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
     #[arg(long)]
     pub aux: bool,
@@ -79,12 +93,14 @@ pub struct Arguments {
     /// estimated, and end with 10 where there are any. The result is written all the same.
     #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
-    /// Print nothing but errors.
+    /// Print nothing but errors: no answer, no warnings and notes, and no progress, which is a bar on a terminal and
+    /// otherwise lines `progress NN` (per cent) on the standard output, one a second at most and `progress 100` at the end.
     #[arg(long, short)]
     pub quiet: bool,
-    /// Use this many threads, at most 1024 [default: one per core]. The result does not depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The result does
+    /// not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub threads: Option<u32>,
     /// Denoise this region alone: x and y of its first pixel, width and height, in the file's pixel
     /// coordinates. Reads and computes no more than it needs; the result is a file of the region, and
     /// `apr-denoise merge` puts such files together.
@@ -137,7 +153,8 @@ pub struct Arguments {
     /// Add a further feature.
     #[arg(long, value_name = "NAME=CHANNELS", help_heading = "Channels")]
     pub feature: Vec<Mapping>,
-    /// Read further layers from this file (or pattern); its bare channels form a layer of the file's name.
+    /// Read further layers from this file (or pattern); its bare channels form a layer of the file's name
+    /// without the frame's number: shot_albedo.0001.exr holds an albedo.
     #[arg(long, value_name = "FILE", help_heading = "Channels")]
     pub with: Vec<PathBuf>,
     /// Denoise these components of the beauty too (AOVs, light groups), by the operator that the beauty
@@ -182,9 +199,10 @@ pub enum Missing {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense, --memory is too little
+  2    usage: an option or argument makes no sense, a picture would be lost, --memory is too little
   3    an input is missing, damaged, or uses a feature that is not supported
-  4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together
+  4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together; or it is
+       denoised already, in its own place
   5    the result cannot be written
   10   done, but the estimated error is above --target-error
   70   a defect of this program

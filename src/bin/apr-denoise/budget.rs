@@ -11,8 +11,27 @@ use apr::{Frame, Options};
 /// Fewest rows of a band: less would be nearly nothing but halo.
 const LEAST_ROWS: usize = 32;
 
-/// What the program holds besides planes: its code, blocks of files on their way, what the allocator keeps.
-const FIXED_BYTES: usize = 350 << 20;
+/// The most that the program holds besides planes, and what is set aside for it before the files are known: measured with
+/// blocks of 11 MiB, and with 64 threads, of 272 MiB.
+const MOST_FIXED_BYTES: usize = 350 << 20;
+
+/// What a run holds however high its bands are.
+#[derive(Debug, Clone, Copy)]
+pub struct Fixed {
+    /// Besides planes: see [`fixed`].
+    pub bytes: usize,
+    /// Planes while the picture is looked through.
+    pub band: usize,
+}
+
+/// What it holds besides planes: its code, and for each thread blocks of `block` bytes, one as it is stored and one as it
+/// is decoded, and windows with what the allocator keeps of them. Of pictures of 128×96 that is, measured, 18 MiB and 11
+/// for each thread.
+pub fn fixed(threads: usize, block: usize) -> usize {
+    const PROGRAM: usize = 40 << 20;
+    const WINDOWS: usize = 12 << 20;
+    (PROGRAM + threads * (WINDOWS + 2 * block)).min(MOST_FIXED_BYTES)
+}
 
 /// A bound of memory in bytes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,6 +57,8 @@ impl FromStr for MemoryBound {
 pub struct Budget {
     /// What it may take in all.
     bound: usize,
+    /// What it has taken when the picture was looked through.
+    looked: usize,
     /// What it takes whatever is read: the results among it.
     held: usize,
     planes: Planes,
@@ -55,7 +76,7 @@ pub struct Budget {
 /// bound, what denoising a region takes in any case, which needs so many `pixels`.
 pub fn before(bound: Option<MemoryBound>, pixels: usize, frames: usize) -> usize {
     let least = pixels.saturating_mul(Planes::default().per_pixel());
-    let room = bound.map_or(least, |MemoryBound(bound)| bound.saturating_sub(FIXED_BYTES));
+    let room = bound.map_or(least, |MemoryBound(bound)| bound.saturating_sub(MOST_FIXED_BYTES));
     if frames == 1 { room } else { 0 }
 }
 
@@ -64,24 +85,26 @@ impl Budget {
     /// bound that is what it takes at once.
     pub fn new(
         bound: Option<MemoryBound>,
-        planes: Planes,
+        (fixed, planes): (Fixed, Planes),
         target: Rect,
         size: (usize, usize),
         halo: usize,
         frames: usize,
     ) -> Self {
         // Of a sequence one result is written while the next is made.
-        let held = FIXED_BYTES + planes.result(target) * frames.min(2);
+        let (held, looked) = (fixed.bytes, fixed.bytes + fixed.band);
+        let held = held + planes.result(target) * frames.min(2);
         let (width, alone) = (target.grown(halo, size).width, frames == 1);
         let mut budget =
-            Self { bound: 0, held, planes, rows: target.height, height: size.1, width, halo, alone };
+            Self { bound: 0, looked, held, planes, rows: target.height, height: size.1, width, halo, alone };
         budget.bound = bound.map_or_else(|| budget.need(target.height), |MemoryBound(bound)| bound);
         budget
     }
 
     /// What it takes in bands of so many rows.
     fn need(&self, rows: usize) -> usize {
-        self.held + self.width * self.planes.per_pixel() * (rows + 2 * self.halo).min(self.height)
+        let stages = self.width * self.planes.per_pixel() * (rows + 2 * self.halo).min(self.height);
+        self.looked.max(self.held + stages)
     }
 
     /// Rows of a band with which the run keeps to the bound.
@@ -181,9 +204,13 @@ mod tests {
         const HALO: usize = 300;
         let planes = Planes { all: 20, features: 7, aovs: 0 };
         let target = Rect::whole((7680, 4320));
-        let budget = |bound| Budget::new(Some(MemoryBound(bound)), planes, target, target.size(), HALO, 1);
-        let need =
-            |rows: usize| FIXED_BYTES + planes.result(target) + planes.per_pixel() * 7680 * (rows + 2 * HALO);
+        let budget = |bound| {
+            let fixed = Fixed { bytes: MOST_FIXED_BYTES, band: 64 << 20 };
+            Budget::new(Some(MemoryBound(bound)), (fixed, planes), target, target.size(), HALO, 1)
+        };
+        let need = |rows: usize| {
+            MOST_FIXED_BYTES + planes.result(target) + planes.per_pixel() * 7680 * (rows + 2 * HALO)
+        };
         assert_eq!(budget(64 << 30).rows(), Ok(4320));
         let chosen = budget(4 << 30).rows().unwrap();
         assert!(need(chosen) <= 4 << 30 && chosen >= LEAST_ROWS, "{chosen}");
@@ -198,12 +225,27 @@ mod tests {
     }
 
     #[test]
+    fn small_pictures_on_few_threads_take_little_besides() {
+        const MIB: usize = 1 << 20;
+        assert_eq!([1, 2, 8].map(|threads| fixed(threads, 0) / MIB), [52, 64, 136]);
+        assert_eq!(fixed(2, 15 * MIB) / MIB, 124);
+        assert_eq!([fixed(64, 0), fixed(8, 1 << 40)], [MOST_FIXED_BYTES; 2]);
+        // A high and narrow picture is looked through in more rows than a band has.
+        let (planes, target) = (Planes { all: 20, features: 7, aovs: 0 }, Rect::whole((16, 100_000)));
+        let run = Fixed { bytes: fixed(1, 0), band: 64 * MIB };
+        let error = Budget::new(Some(MemoryBound(1)), (run, planes), target, target.size(), 30, 1).rows();
+        assert!(error.unwrap_err().to_string().ends_with("give at least 116M"));
+    }
+
+    #[test]
     fn what_is_left_of_the_bound_keeps_blocks() {
         let planes = Planes { all: 20, features: 7, aovs: 0 };
         let target = Rect::whole((1000, 1000));
-        let budget = |bound, frames| Budget::new(bound, planes, target, target.size(), 300, frames);
+        let fixed = fixed(2, 1 << 20);
+        let of_run = Fixed { bytes: fixed, band: 0 };
+        let budget = |bound, frames| Budget::new(bound, (of_run, planes), target, target.size(), 300, frames);
         let stages = planes.per_pixel() * 1_000_000;
-        let need = FIXED_BYTES + planes.result(target) + stages;
+        let need = fixed + planes.result(target) + stages;
         let ample = budget(Some(MemoryBound(need + 7)), 1);
         assert_eq!([ample.beside_stages(target), ample.beside_planes(target)], [7, 7 + stages - 80_000_000]);
         assert_eq!(budget(None, 1).beside_stages(target), 0, "without a bound it takes what it needs");

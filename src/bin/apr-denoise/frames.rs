@@ -17,10 +17,20 @@ impl FrameSet {
         self.0.iter().copied()
     }
 
+    /// In words, that all these share what is said of one of them; nothing where there are none.
+    pub fn among_others(&self) -> String {
+        if self.is_empty() { String::new() } else { format!(" (and so for frames {self})") }
+    }
+
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
+}
+
+/// So many of something, in words: `1 frame`, `3 frames`.
+pub fn counted(n: usize, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 impl FromIterator<i32> for FrameSet {

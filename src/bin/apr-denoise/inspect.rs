@@ -5,11 +5,11 @@ use std::fmt::Write;
 
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{Deviation, Layout, PartLayout, Picture, RoleLayout, SumCheck};
+use apr::io::{Deviation, Layout, PartLayout, Picture, Renderer, RoleLayout, SumCheck};
 use serde::Serialize;
 
 use crate::arguments::Arguments;
-use crate::frames::FrameSet;
+use crate::frames::{FrameSet, counted};
 use crate::plan::Plan;
 
 /// All that is known before the work begins.
@@ -57,7 +57,7 @@ pub fn describe(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser) -> Resu
     }
     let frames = sequence.map_or_else(String::new, |Sequence { count, frames, missing }| {
         let missing = if missing.is_empty() { missing } else { format!("; missing: {missing}") };
-        format!("{count} frames: {frames}{missing}\n")
+        format!("{}: {frames}{missing}\n", counted(count, "frame"))
     });
     Ok(frames + &text(layout, (width, height), &would_run))
 }
@@ -121,17 +121,21 @@ fn text(layout: &Layout, (width, height): (usize, usize), would_run: &[String]) 
             let name = part.name.as_deref().map_or(String::new(), |name| format!(" '{name}'"));
             let tiled = if part.tiled { ", tiled" } else { "" };
             line(format!(
-                "  part{name}: {w}×{h} at {x},{y}, {}{tiled}, {} channels",
+                "  part{name}: {w}×{h} at {x},{y}, {}{tiled}, {}",
                 part.compression,
-                part.channels.len()
+                counted(part.channels.len(), "channel")
             ));
             layers_of(part).into_iter().for_each(|layer| line(format!("    {layer}")));
         }
     }
     layout.half.iter().for_each(|half| line(format!("{half}: the other half")));
-    let how = if layout.forced { "as told" } else { "recognised" };
+    let renderer = match (layout.renderer, layout.forced) {
+        (renderer, true) => format!("{renderer:?} (as told)"),
+        (Renderer::Plain, false) => "none recognised, channels by their usual names".to_owned(),
+        (renderer, false) => format!("{renderer:?} (recognised)"),
+    };
     let spp = layout.samples_per_pixel.map_or("unknown".to_owned(), |n| n.to_string());
-    line(format!("renderer: {:?} ({how}); {width}×{height}; samples per pixel: {spp}", layout.renderer));
+    line(format!("renderer: {renderer}; {width}×{height}; samples per pixel: {spp}"));
     line("roles:".to_owned());
     layout.roles.iter().for_each(|role| line(role_line(role)));
     layout.sums.iter().for_each(|sum| line(sum_line(sum)));

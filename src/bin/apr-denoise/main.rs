@@ -14,6 +14,8 @@ mod pattern;
 mod plan;
 mod progress;
 mod reference;
+mod remarks;
+mod replaced;
 mod report;
 mod run;
 mod sampling;
@@ -22,6 +24,7 @@ mod settings;
 mod shot;
 mod signals;
 mod signature;
+mod threads;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -30,6 +33,7 @@ use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
+use frames::counted;
 use plan::Plan;
 
 /// Large pages, and blocks that begin at whole cache lines: fits take 0.9 of the time that they take with glibc's.
@@ -46,25 +50,41 @@ fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
     signals::clean_up_when_stopped();
     failure::told(|| match (&command, &arguments) {
-        (Some(Command::Merge { output, regions }), _) => merge(output, regions),
+        (Some(Command::Merge { output, regions, overwrite, quiet }), _) => {
+            merge(output, regions, *overwrite, *quiet)
+        }
         (None, Some(arguments)) => denoise(arguments),
         (None, None) => unreachable!("clap asks for one of them"),
     })
 }
 
-fn merge(output: &Path, regions: &[PathBuf]) -> Result<ExitCode> {
+fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Result<ExitCode> {
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
     io::check_ending(output)?;
     io::check_target(output)?;
-    io::merge(output, regions).map(|()| ExitCode::SUCCESS)
+    if !overwrite {
+        replaced::check_merged(output)?;
+    }
+    io::merge(output, regions)?;
+    if !quiet {
+        answer::print(&format!(
+            "{}: put together from {}",
+            output.display(),
+            counted(regions.len(), "region")
+        ))?;
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
-    if let Some(threads) = arguments.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        pool.build_global().map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
+    threads::start(arguments.threads)?;
+    if let Some(third) = arguments.further.first() {
+        let what = "is a third name where an input and a result were expected";
+        return Err(Error::new(ErrorKind::Usage, what)
+            .remedy("write a sequence as 'shot.####.exr' 'den.####.exr', in quotes so that the shell leaves it alone")
+            .in_file(third));
     }
     let denoiser = settings::denoiser(arguments)?;
     let mut plan = Plan::new(arguments)?;

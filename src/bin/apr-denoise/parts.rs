@@ -11,7 +11,7 @@ use apr::io::{Layout, ReadOptions, SumCheck, Survey};
 use apr::{Denoised, Options};
 
 use crate::arguments::Arguments;
-use crate::budget::{self, Budget, Planes};
+use crate::budget::{self, Budget, Fixed, Planes};
 use crate::clock::Clock;
 use crate::plan::Job;
 use crate::report::{ErrorSums, input_error};
@@ -199,7 +199,10 @@ impl Surveyed {
             Some(region) => survey.locate(region.at, region.size)?,
             None => Rect::whole(size),
         };
-        let budget = Budget::new(arguments.memory, planes, target, size, halo(options, &facts), frames);
+        let bytes = budget::fixed(rayon::current_num_threads(), survey.block_bytes());
+        let fixed = Fixed { bytes, band: survey.band_bytes() };
+        let budget =
+            Budget::new(arguments.memory, (fixed, planes), target, size, halo(options, &facts), frames);
         let rows = budget.rows()?;
         let bands = (0..target.height).step_by(rows).map(|y| Rect {
             y: target.y + y,

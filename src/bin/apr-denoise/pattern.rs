@@ -34,6 +34,24 @@ impl Pattern {
         self.0.iter().map(|name| render(name, frame)).collect()
     }
 
+    /// The same with the padding that most files have, as it would be written, and the frames of those.
+    pub fn other_padding(&self) -> Option<(PathBuf, FrameSet)> {
+        const MOST: usize = 9;
+        let padded = |width| Self(self.0.iter().map(|name| with_width(name, width)).collect());
+        let frames = |width| (self.written(width), padded(width).frames_on_disk());
+        let found = (1..=MOST).map(frames).filter(|(_, frames)| !frames.is_empty());
+        found.max_by_key(|(_, frames)| frames.iter().count())
+    }
+
+    /// With so many # for the number.
+    fn written(&self, width: usize) -> PathBuf {
+        let text = |piece: &Piece| match piece {
+            Piece::Text(text) => text.clone(),
+            Piece::Frame(_) => "#".repeat(width),
+        };
+        self.0.iter().map(|name| name.iter().map(text).collect::<String>()).collect()
+    }
+
     /// The frames that have a file.
     pub fn frames_on_disk(&self) -> FrameSet {
         let mut found = Vec::new();
@@ -77,6 +95,14 @@ fn render(pieces: &[Piece], frame: i32) -> String {
         Piece::Frame(width) => format!("{frame:0width$}"),
     };
     pieces.iter().map(text).collect()
+}
+
+fn with_width(name: &[Piece], width: usize) -> Vec<Piece> {
+    let wide = |piece: &Piece| match piece {
+        Piece::Frame(_) => Piece::Frame(width),
+        text => text.clone(),
+    };
+    name.iter().map(wide).collect()
 }
 
 /// A name taken apart.
@@ -204,6 +230,12 @@ mod tests {
         assert_eq!(found("a.%d.exr"), "7,12345");
         assert_eq!(found("f#/b.##.exr"), "1,2", "both numbers are the frame's");
         assert_eq!(found("b.####.exr"), "");
+        let other = |pattern: &str| {
+            let (name, frames) = Pattern::parse(&folder.path().join(pattern)).unwrap().other_padding()?;
+            Some(format!("{} {frames}", name.file_name().unwrap().display()))
+        };
+        assert_eq!(other("b.####.exr"), None);
+        assert_eq!(other("a.######.exr").unwrap(), "a.####.exr -2,1,3,12345");
     }
 
     proptest! {

@@ -7,10 +7,10 @@ use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
 use crate::arguments::{Arguments, Missing};
-use crate::frames::FrameSet;
+use crate::frames::{FrameSet, counted};
 use crate::parts::Region;
 use crate::pattern::Pattern;
-use crate::signature;
+use crate::{replaced, signature};
 
 /// The files of one frame.
 #[derive(Debug, Clone)]
@@ -196,7 +196,9 @@ impl Plan {
             }
             (missing @ [(_, first), ..], Missing::Error) => {
                 let frames: FrameSet = missing.iter().filter_map(|(job, _)| job.frame).collect();
-                let what = format!("is missing; {} frames have no input: {frames}", missing.len());
+                let have = if missing.len() == 1 { "has" } else { "have" };
+                let what =
+                    format!("is missing; {} {have} no input: {frames}", counted(missing.len(), "frame"));
                 Err(Error::new(ErrorKind::Unreadable, what)
                     .remedy("render them, check the name's padding, or leave them out by --missing skip")
                     .in_file(first))
@@ -209,8 +211,8 @@ impl Plan {
     /// frames have come or gone since are done again.
     ///
     /// # Errors
-    /// `Usage` when results would overwrite each other or an input that is still needed, or were made
-    /// by other settings; `Unwritable` when a folder takes no file.
+    /// `Usage` when results would overwrite each other, an input that is still needed or a picture that this program
+    /// did not write, or were made by other settings; `Unwritable` when a folder takes no file.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;
@@ -220,13 +222,13 @@ impl Plan {
         let mut seen = HashSet::new();
         let all = self.jobs.iter().flat_map(Job::targets).map(|target| target.path);
         for target in all.chain(arguments.sequence_report.as_deref()) {
-            // One try in each folder is enough, but what is there and no plain file is told for each.
-            let odd = target.symlink_metadata().is_ok_and(|there| !there.is_file());
-            if seen.insert(target.parent()) || odd {
-                io::check_target(target)?; // better now than after the work
+            // Better now than after the work. One try in each folder is enough, if no link leads to another one.
+            if seen.insert(target.parent()) || target.is_symlink() {
+                io::check_target(target)?;
             }
+            io::check_old(target)?;
         }
-        Ok(())
+        if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
     }
 
     /// Checks that no result takes the place of its input where that would lose something.
@@ -246,6 +248,7 @@ impl Plan {
 
     /// In place a result takes its own input's name and nothing else.
     fn check_collisions(&self, arguments: &Arguments) -> Result<()> {
+        self.check_places()?;
         let beside_of = |job| self.all_beside(job, arguments.temporal);
         let all_beside: Vec<Job> = self.jobs.iter().flat_map(beside_of).collect();
         let of_frames = self.frames().flat_map(|job| job.sources().skip(usize::from(job.is_in_place())));
@@ -256,6 +259,22 @@ impl Plan {
         io::check_apart(of_frames.chain(beside).chain(options), targets).map_err(|error| {
             error.remedy("give outputs and reports names of their own, each with a place for the frame's number (####); --sequence-report takes one file for all frames")
         })
+    }
+
+    /// Checks that the names of what is written for every frame have a place for its number.
+    fn check_places(&self) -> Result<()> {
+        let Names { output, report, sampling_map, .. } = &self.names;
+        let one = |name: &&Name| matches!(name, Name::One(_));
+        match [output, report, sampling_map].into_iter().flatten().find(one) {
+            Some(Name::One(path)) if self.jobs.len() > 1 => {
+                let what =
+                    "several results would be written here: the name has no place for the frame's number";
+                let remedy =
+                    "give it one, as in den.####.exr; --sequence-report takes one file for all frames";
+                Err(usage(what).remedy(remedy).in_file(path))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn take_out_finished(&mut self, signature: &str, arguments: &Arguments) -> Result<()> {
@@ -271,8 +290,7 @@ impl Plan {
         self.jobs = to_do;
         let Some((first, difference)) = by_others.first() else { return Ok(()) };
         let frames: FrameSet = by_others.iter().filter_map(|(job, _)| job.frame).collect();
-        let frames = if frames.is_empty() { String::new() } else { format!(" (and so for frames {frames})") };
-        Err(usage(&format!("was made otherwise: {difference}{frames}"))
+        Err(usage(&format!("was made otherwise: {difference}{}", frames.among_others()))
             .remedy("remove it, write elsewhere, or run without --skip-existing")
             .in_file(&first.output))
     }
@@ -340,7 +358,7 @@ impl Job {
     }
 
     /// Whether the result replaces the input.
-    fn is_in_place(&self) -> bool {
+    pub fn is_in_place(&self) -> bool {
         io::is_same_file(&self.output, &self.input)
     }
 
@@ -354,8 +372,14 @@ impl Job {
 fn chosen(pattern: &Pattern, given: Option<&FrameSet>, input: &Path) -> Result<Vec<Option<i32>>> {
     let found = given.cloned().unwrap_or_else(|| pattern.frames_on_disk());
     if found.is_empty() {
+        let remedy = match pattern.other_padding() {
+            Some((name, frames)) => format!("there is '{}' with frames {frames}", name.display()),
+            None => {
+                "check the name and its padding: #### stands for a number of at least four digits".to_owned()
+            }
+        };
         return Err(Error::new(ErrorKind::Unreadable, "no file has a name of this pattern")
-            .remedy("check the name and its padding: #### stands for a number of at least four digits")
+            .remedy(remedy)
             .in_file(input));
     }
     Ok(found.iter().map(Some).collect())

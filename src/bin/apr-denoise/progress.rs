@@ -2,13 +2,17 @@
 
 use std::io::IsTerminal;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::answer::print;
 
-/// Steps of the plain lines, in per cent.
+/// Steps of the plain lines, in per cent, and the least time between two of them: a log of many short frames would be
+/// nothing else.
 const STEP: u32 = 5;
+const PAUSE: Duration = Duration::from_secs(1);
+const DONE: u32 = 100;
 
 /// What the fits of the picture at half its resolution take, in stages of the whole one.
 pub const COARSE: f32 = 0.5;
@@ -32,8 +36,9 @@ struct State {
     frames: Vec<f64>,
     /// Their sum.
     sum: f64,
-    /// What was told last.
+    /// What was told last, and when.
     told: u32,
+    at: Instant,
 }
 
 impl Progress {
@@ -48,7 +53,7 @@ impl Progress {
             }
             (false, false) => Shown::Lines,
         };
-        let state = Mutex::new(State { frames: vec![0.0; frames], sum: 0.0, told: 0 });
+        let state = Mutex::new(State { frames: vec![0.0; frames], sum: 0.0, told: 0, at: Instant::now() });
         Self { shown, fits, state }
     }
 
@@ -82,8 +87,10 @@ impl Progress {
         match &self.shown {
             Shown::Nowhere => {}
             Shown::Bar(bar) => bar.set_position(u64::from(percent)),
-            Shown::Lines if percent >= state.told + STEP => {
-                state.told = percent / STEP * STEP;
+            Shown::Lines
+                if percent >= state.told + STEP && (percent == DONE || state.at.elapsed() >= PAUSE) =>
+            {
+                (state.told, state.at) = (percent / STEP * STEP, Instant::now());
                 line(state.told);
             }
             Shown::Lines => {}

@@ -56,12 +56,12 @@ struct Skipped {
 pub struct EstimatedError {
     /// The input's, from its variance or its half buffers; none where it has neither.
     mse_before: Option<f64>,
-    /// The result's.
-    mse_after: f64,
+    /// The result's; none where the method has no estimate.
+    mse_after: Option<f64>,
     /// The same, each pixel's divided by its squared brightness plus 0.01.
     relative_before: Option<f64>,
     /// The result's.
-    relative_after: f64,
+    relative_after: Option<f64>,
 }
 
 impl<'a> Report<'a> {
@@ -92,7 +92,7 @@ impl<'a> Report<'a> {
             stages: stages.into_iter().filter(ran).collect(),
             skipped,
             summary: &denoised.summary,
-            estimated_error: output.error.mean(),
+            estimated_error: output.error.mean(denoiser.has_estimate(denoised)),
             sums: used.sums(denoised),
             sampling,
             notes,
@@ -118,12 +118,10 @@ impl<'a> Report<'a> {
     pub fn line(&self) -> String {
         let seconds = self.seconds;
         let error = &self.estimated_error;
-        let before = error.relative_before.map_or("unknown".to_owned(), |before| format!("{before:.2e}"));
+        let told = |error: Option<f64>| error.map_or("unknown".to_owned(), |error| format!("{error:.2e}"));
+        let (before, after) = (told(error.relative_before), told(error.relative_after));
         let sums: String = self.sums.iter().map(|sum| sum_line(sum) + "\n").collect();
-        format!(
-            "{sums}{}: {seconds:.2} s, estimated relative error {before} -> {:.2e}",
-            self.output, error.relative_after
-        )
+        format!("{sums}{}: {seconds:.2} s, estimated relative error {before} -> {after}", self.output)
     }
 }
 
@@ -145,11 +143,15 @@ fn repaired(layout: &Layout, summary: &Summary) -> Option<String> {
         .roles
         .iter()
         .fold((0, 0), |(nan, infinite), role| (nan + role.nan, infinite + role.non_finite - role.nan));
+    let negative = match summary.negative_color {
+        0 => String::new(),
+        1 => "; 1 pixel of the colour is negative and stays so".to_owned(),
+        n => format!("; {n} pixels of the colour are negative and stay so"),
+    };
     Some(format!(
         "broken pixels were repaired from their neighbours: {} (in the file {nan} samples are NaN and {infinite} \
-         infinite); {} pixels of the colour are negative and stay so",
-        told.join(", "),
-        summary.negative_color
+         infinite){negative}",
+        told.join(", ")
     ))
 }
 
@@ -242,10 +244,10 @@ impl ErrorSums {
         sums
     }
 
-    /// The means.
-    pub fn mean(&self) -> EstimatedError {
+    /// The means; of the result where it has an estimate.
+    pub fn mean(&self, has_estimate: bool) -> EstimatedError {
         let [mse_before, relative_before] = self.before.map(Mean::value);
-        let [mse_after, relative_after] = self.after.map(|mean| mean.value().unwrap_or(0.0));
+        let [mse_after, relative_after] = self.after.map(|mean| mean.value().filter(|_| has_estimate));
         EstimatedError { mse_before, mse_after, relative_before, relative_after }
     }
 }

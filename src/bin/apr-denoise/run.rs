@@ -4,7 +4,6 @@
 //! written; with `--temporal N` also those beside them, 2N + 3 in all. By parts (`--region`, `--memory`) only
 //! the results of two are. The order of the work changes no bit of any result.
 
-use std::collections::{HashMap, HashSet};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -22,6 +21,7 @@ use crate::failure::caught;
 use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
 use crate::progress::{self, Progress, locked};
+use crate::remarks::{Remark, Remarks};
 use crate::report::Report;
 use crate::sampling::Sampling;
 use crate::sequence_report::{Outcome, SequenceReport, failure};
@@ -45,10 +45,7 @@ struct Run<'a> {
     /// As they are if the run ends now.
     outcomes: Arc<Mutex<Vec<Outcome>>>,
     errors: Mutex<Vec<(usize, Error)>>,
-    /// Warnings and notes that were given: those of a sequence tend to be the same for every frame.
-    warned: Mutex<HashSet<String>>,
-    /// The frame that had a note first, by the note without its numbers: they differ from frame to frame.
-    noted: Mutex<HashMap<String, Option<i32>>>,
+    remarks: Remarks,
 }
 
 /// A frame on its way; the index is its job's.
@@ -77,8 +74,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         target_missed: AtomicBool::new(false),
         outcomes: report_when_stopped(plan, arguments, denoiser, begun),
         errors: Mutex::default(),
-        warned: Mutex::default(),
-        noted: Mutex::default(),
+        remarks: Remarks::default(),
     };
     std::thread::scope(|scope| {
         // No place in the channels: who is ahead keeps its frame until the next takes it.
@@ -91,6 +87,7 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
         drop(denoised);
     });
     run.progress.finish();
+    run.remarks.of_further_frames().iter().for_each(|remark| complain(remark));
     let mut outcomes = locked(&run.outcomes).clone();
     // Frames that were read ahead of one that failed, and given up.
     outcomes.iter_mut().filter(|it| matches!(it, Outcome::Interrupted)).for_each(|it| *it = Outcome::NotRun);
@@ -103,6 +100,9 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
     let sequence = plan.frames().any(|job| job.frame.is_some());
     if sequence && !arguments.quiet {
         print(&report.line())?;
+    }
+    for job in plan.finished.iter().filter(|_| !sequence && !arguments.quiet) {
+        print(&format!("{}: is there already, made by the same options", job.output.display()))?;
     }
     failure(plan, errors)?;
     Ok(!run.target_missed.into_inner())
@@ -218,7 +218,7 @@ impl<'a> Run<'a> {
         }
         if !self.arguments.quiet {
             self.warn_of_copies(job, &output.denoised.summary.beside);
-            report.notes().iter().for_each(|note| self.note(job, note));
+            report.notes().iter().for_each(|note| self.tell(job, Remark::Note, note));
             let needed = sampling.as_ref().and_then(Sampling::line);
             self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
         }
@@ -247,8 +247,9 @@ impl<'a> Run<'a> {
 
     fn warn_of(&self, job: &Job, input: &Input) {
         if !self.arguments.quiet {
-            input.layout().warnings.iter().for_each(|warning| self.tell(job, "warning", warning));
-            input.layout().notes.iter().for_each(|note| self.note(job, note));
+            let layout = input.layout();
+            layout.warnings.iter().for_each(|warning| self.tell(job, Remark::Warning, warning));
+            layout.notes.iter().for_each(|note| self.tell(job, Remark::Note, note));
         }
     }
 
@@ -257,25 +258,17 @@ impl<'a> Run<'a> {
         if beside.iter().any(|beside| beside.copied > MOST_COPIED) {
             self.tell(
                 job,
-                "warning",
+                Remark::Warning,
                 "--temporal: frames beside hold the same noise and are of no use: render every frame with a seed of its own",
             );
         }
     }
 
-    /// Tells a note, unless it was told of an earlier frame.
-    fn note(&self, job: &Job, note: &str) {
-        let kind = note.replace(|c: char| c.is_ascii_digit(), "");
-        if *locked(&self.noted).entry(kind).or_insert(job.frame) == job.frame {
-            self.tell(job, "note", note);
-        }
-    }
-
-    fn tell(&self, job: &Job, kind: &str, words: &str) {
-        let new = locked(&self.warned).insert(words.to_owned());
-        if new {
+    /// Tells a remark, unless an earlier frame had it.
+    fn tell(&self, job: &Job, remark: Remark, words: &str) {
+        if self.remarks.is_new(remark, job.frame, words) {
             let place = job.frame.map_or(String::new(), |_| format!("{}: ", job.label()));
-            self.progress.aside(|| complain(&format!("{kind}: {place}{words}")));
+            self.progress.aside(|| complain(&format!("{}: {place}{words}", remark.name())));
         }
     }
 }

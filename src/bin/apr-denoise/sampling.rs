@@ -11,10 +11,11 @@ use apr::sampling::{
 use apr::{Denoised, Frame};
 use serde::Serialize;
 
+use crate::frames::counted;
 use crate::plan::Job;
 
 /// The channel of the sampling map.
-const CHANNEL: &str = "density.Y";
+pub const CHANNEL: &str = "density.Y";
 
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
@@ -53,9 +54,7 @@ impl Sampling {
             return Ok(None);
         }
         let frame: &Frame = picture.frame();
-        // A noise-free picture of the pipeline's has an error of 0; a method without an estimate, too.
-        let known = denoiser.pipeline().is_some() || denoised.mse.data().iter().any(|&mse| mse > 0.0);
-        let error = known.then(|| relative_error(denoised));
+        let error = denoiser.has_estimate(denoised).then(|| relative_error(denoised));
         let mut told = Self {
             estimated_error: error.as_ref().map(mean_error),
             target_error: target,
@@ -87,7 +86,9 @@ impl Sampling {
             return Some(format!("target error {target:.2e} is met: {by}"));
         }
         let needed = match self.needed_per_pixel {
-            Some(spp) => format!("about {:.0} more samples per pixel on the average", spp.ceil()),
+            Some(spp) => {
+                format!("about {} per pixel on the average", counted(spp.ceil() as usize, "more sample"))
+            }
             None => format!("about {share:.2} times the samples there are, on top of them,"),
         };
         Some(format!(

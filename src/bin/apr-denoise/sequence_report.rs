@@ -5,7 +5,7 @@ use apr::error::{Error, Result};
 use apr::io;
 use serde::Serialize;
 
-use crate::frames::FrameSet;
+use crate::frames::{FrameSet, counted};
 use crate::plan::{Job, Plan};
 use crate::report::EstimatedError;
 
@@ -123,14 +123,17 @@ impl<'a> SequenceReport<'a> {
     pub fn line(&self) -> String {
         let counts = &self.counts;
         let others = [
-            (counts.skipped, "were there already"),
-            (counts.missing, "have no input"),
-            (counts.failed, "failed"),
-            (counts.not_run, "were not run"),
+            (counts.skipped, ["was there already", "were there already"]),
+            (counts.missing, ["has no input", "have no input"]),
+            (counts.failed, ["failed"; 2]),
+            (counts.not_run, ["was not run", "were not run"]),
         ];
-        let others: String =
-            others.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} {what}")).collect();
-        format!("{} frames denoised in {:.1} s{others}", counts.done, self.seconds)
+        let others: String = others
+            .iter()
+            .filter(|(n, _)| *n > 0)
+            .map(|(n, [one, many])| format!(", {n} {}", if *n == 1 { one } else { many }))
+            .collect();
+        format!("{} denoised in {:.1} s{others}", counted(counts.done, "frame"), self.seconds)
     }
 }
 
@@ -143,7 +146,7 @@ pub fn failure(plan: &Plan, errors: Vec<(usize, Error)>) -> Result<()> {
         None => Ok(()),
         Some((_, only)) if plan.jobs[0].frame.is_none() => Err(only),
         Some((_, first)) => {
-            let what = format!("{failed} of {total} frames failed: {frames}");
+            let what = format!("{failed} of {} failed: {frames}", counted(total, "frame"));
             Err(Error::new(first.kind(), what)
                 .remedy("see to the causes told above, then run again with --skip-existing to go on"))
         }

@@ -5,10 +5,18 @@ mod answer;
 mod checkpoint;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
+#[path = "../apr-denoise/frames.rs"]
+#[allow(dead_code, reason = "the place for one frame's number is all that is wanted here")]
+mod frames;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+#[path = "../apr-denoise/pattern.rs"]
+#[allow(dead_code, reason = "the place for one frame's number is all that is wanted here")]
+mod pattern;
 mod progress;
 mod rounds;
+#[path = "../apr-denoise/threads.rs"]
+mod threads;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -23,6 +31,7 @@ use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Ren
 use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
+use pattern::Pattern;
 use progress::Progress;
 
 /// Path tracer that makes the denoiser's inputs and references.
@@ -50,7 +59,7 @@ struct Args {
     #[arg(long)]
     light_groups: bool,
     /// Render frame K of the M that the scene's motion is cut into, with noise of its own and motion vectors
-    /// (layers motionPrevious and motionNext).
+    /// (layers motionPrevious and motionNext). K takes the place of #### in the names of what is written.
     #[arg(long, value_name = "K/M", value_parser = frame)]
     frame: Option<(u32, u32)>,
     /// The share of the frame's time during which the shutter is open.
@@ -79,9 +88,10 @@ struct Args {
     /// Seconds between checkpoints, as near as a pass over all pixels allows.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
-    /// Threads to use, at most 1024; all cores by default. The picture does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The picture does
+    /// not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    threads: Option<u32>,
     /// Print which effects the scene calls for, and why, and stop.
     #[arg(long)]
     plan: bool,
@@ -104,6 +114,23 @@ enum Features {
 }
 
 impl Args {
+    /// Gives the names of what is written the frame's number.
+    ///
+    /// # Errors
+    /// `Usage` when they have a place for it and there is none.
+    fn put_frame_in(&mut self) -> Result<()> {
+        for path in [&mut self.out, &mut self.report].into_iter().flatten() {
+            let Some(pattern) = Pattern::parse(path) else { continue };
+            let Some((frame, _)) = self.frame else {
+                let what = "has a place for the frame's number, and there is none";
+                let error = Error::new(ErrorKind::Usage, what).in_file(path);
+                return Err(error.remedy("give --frame K/M, or name it without #, @@, %d, $F and <frame>"));
+            };
+            *path = pattern.path(i32::try_from(frame).unwrap_or(i32::MAX));
+        }
+        Ok(())
+    }
+
     fn options(&self) -> Result<RenderOptions> {
         let features = match self.features {
             Features::None => FeatureMode::None,
@@ -129,8 +156,11 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 }
 
 fn main() -> ExitCode {
-    let args = generate::parse::<Args>(&[]);
-    failure::told(|| run(&args))
+    let mut args = generate::parse::<Args>(&[]);
+    failure::told(|| {
+        args.put_frame_in()?;
+        run(&args)
+    })
 }
 
 fn run(args: &Args) -> Result<()> {
@@ -140,12 +170,7 @@ fn run(args: &Args) -> Result<()> {
         return print_plan(&Plan::new(&scene, &options));
     };
     check_files(args, &scene, out)?; // before hours of work, not after
-    let threads = args.threads.map_or(0, usize::from);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let pool = pool.map_err(|error| {
-        let error = Error::new(ErrorKind::Usage, format!("{threads} threads cannot be started: {error}"));
-        error.remedy("give fewer --threads, or none for one on each core")
-    })?;
+    threads::start(args.threads)?;
     let start = Instant::now();
     let mut renderer = Renderer::new(&scene, &options)?;
     let (rounds, taken_up) = if args.adaptive {
@@ -155,9 +180,9 @@ fn run(args: &Args) -> Result<()> {
             target_error: args.target_error,
             ..AdaptiveOptions::default()
         };
-        (Some(pool.install(|| rounds::run(&mut renderer, &adaptive, args.quiet))?), 0)
+        (Some(rounds::run(&mut renderer, &adaptive, args.quiet)?), 0)
     } else {
-        (None, pool.install(|| render(args, &options, &scene, &mut renderer))?)
+        (None, render(args, &options, &scene, &mut renderer)?)
     };
     let rendered = renderer.finish()?;
     let counts = renderer.film().sample_map();

@@ -1,10 +1,14 @@
 //! How far a render is.
 
 use std::io::IsTerminal;
+use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::answer::print;
+
+/// The least time between two plain lines.
+const PAUSE: Duration = Duration::from_secs(1);
 
 /// A bar on a terminal, plain lines elsewhere.
 pub struct Progress {
@@ -12,6 +16,7 @@ pub struct Progress {
     quiet: bool,
     total: u32,
     told: u32,
+    at: Instant,
 }
 
 impl Progress {
@@ -26,7 +31,7 @@ impl Progress {
             bar.tick();
             bar.reset_eta();
         }
-        Self { bar, quiet, total, told: 0 }
+        Self { bar, quiet, total, told: 0, at: Instant::now() }
     }
 
     /// `done` samples per pixel are there.
@@ -34,9 +39,12 @@ impl Progress {
         let percent = (100 * u64::from(done) / u64::from(self.total)) as u32;
         match &self.bar {
             Some(bar) => bar.set_position(done.into()),
-            None if !self.quiet && percent >= self.told + 5 => {
+            None if !self.quiet
+                && percent >= self.told + 5
+                && (percent == 100 || self.at.elapsed() >= PAUSE) =>
+            {
                 let _ = print(&format!("progress {percent}")); // nobody has to listen
-                self.told = percent;
+                (self.told, self.at) = (percent, Instant::now());
             }
             None => {}
         }

@@ -1,0 +1,71 @@
+//! What a result may replace: what this program wrote, and its own input once. Any other picture is somebody's render.
+
+use std::path::Path;
+
+use apr::error::{Error, ErrorKind, Result};
+use apr::io::{self, Provenance};
+
+use crate::frames::FrameSet;
+use crate::plan::Job;
+use crate::sampling;
+
+/// Checks that no picture is lost which this program did not write, and that none is denoised in its own place again: a
+/// requeued job would leave frames of two kinds.
+///
+/// # Errors
+/// `Usage` when a result or a sampling map would take its place, `Lacking` when an input is such a result.
+pub fn check(jobs: &[Job]) -> Result<()> {
+    let is_again =
+        |job: &&Job| job.is_in_place() && io::provenance(&job.input).is_ok_and(|it| is_result(&it));
+    refuse(again, jobs.iter().filter(is_again).map(|job| (job, job.input.as_path())))?;
+    let is_lost = |job: &&Job| !job.is_in_place() && is_strange(&job.output, is_result);
+    refuse(lost, jobs.iter().filter(is_lost).map(|job| (job, job.output.as_path())))?;
+    let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));
+    refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))
+}
+
+/// The same of the picture of regions.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_merged(output: &Path) -> Result<()> {
+    if is_strange(output, is_result) { Err(lost(output, "")) } else { Ok(()) }
+}
+
+/// The error of the first of these files, which tells the frames of all.
+fn refuse<'a>(
+    error: fn(&Path, &str) -> Error,
+    mut files: impl Iterator<Item = (&'a Job, &'a Path)>,
+) -> Result<()> {
+    let Some((first, path)) = files.next() else { return Ok(()) };
+    let frames: FrameSet = files.map(|(job, _)| job).chain([first]).filter_map(|job| job.frame).collect();
+    Err(error(path, &frames.among_others()))
+}
+
+fn again(path: &Path, frames: &str) -> Error {
+    let what =
+        format!("is denoised already by this program, and would be once more in its own place{frames}");
+    Error::new(ErrorKind::Lacking, what)
+        .remedy("give --skip-existing to leave it and go on with the others, the render itself, or --overwrite to denoise it again")
+        .in_file(path)
+}
+
+fn lost(path: &Path, frames: &str) -> Error {
+    Error::new(ErrorKind::Usage, format!("is there already, and this program did not write it{frames}"))
+        .remedy("name the result otherwise, or give --overwrite to lose what is there; a sequence is written 'shot.####.exr', in quotes")
+        .in_file(path)
+}
+
+/// Whether a picture is there and is none of this program's `own`. What is no picture at all, such as the empty file by
+/// which some schedulers take a place, is no loss.
+fn is_strange(path: &Path, own: fn(&Provenance) -> bool) -> bool {
+    path.is_file() && io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
+}
+
+fn is_result(found: &Provenance) -> bool {
+    found.signature.is_some()
+}
+
+fn is_sampling_map(found: &Provenance) -> bool {
+    found.channels == [sampling::CHANNEL]
+}
