@@ -7,6 +7,7 @@ use apr::{Aov, Frame};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
+use serde_json::json;
 
 use crate::arrays::{planes, rgb};
 use crate::chosen;
@@ -127,6 +128,9 @@ pub fn denoise_exr<'py>(
     let work = || -> apr::Result<_> {
         check_output(&input, &reading, &output)?;
         let picture = Picture::read(&input, &reading)?;
+        // So that the command line knows a result from a render, which it does not replace.
+        let by = json!({"program": "apr", "version": env!("CARGO_PKG_VERSION"), "options": options});
+        picture.sign(by.to_string());
         let denoised = apr::denoise(picture.frame(), &options)?;
         let notes = picture.write(&output, &denoised, aux)?;
         let sums = picture.sums(&denoised);

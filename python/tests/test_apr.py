@@ -90,6 +90,11 @@ def test_features_keep_their_order_and_so_the_command_lines_bits(tmp_path):
     assert same_pictures(tmp_path / "binding.exr", output)
 
 
+def test_the_command_line_knows_what_the_binding_wrote(tmp_path):
+    apr.denoise_exr(TRACED, tmp_path / "program.exr", preset="fast")
+    by_program(tmp_path, TRACED)  # it replaces results, but no renders
+
+
 def test_components_sum_to_the_beauty():
     noisy, _ = picture()
     part = noisy * np.random.default_rng(1).random(noisy.shape, np.float32)
