@@ -10,8 +10,8 @@
 
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Denoised;
-use crate::image::{Plane, Rgb};
-use crate::metrics::REL_MSE_EPSILON;
+use crate::image::Plane;
+use crate::metrics::relative_mean;
 
 /// Options of the allocation.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,23 +40,6 @@ impl Default for SamplingOptions {
 /// is its bright channel's.
 pub fn relative_error(denoised: &Denoised) -> Plane {
     relative_mean(&denoised.mse, &denoised.color)
-}
-
-/// `squares`, a mean over the channels, relative to the `picture`'s light as in relMSE.
-pub(crate) fn relative_mean(squares: &Plane, picture: &Rgb) -> Plane {
-    Plane::par_from_fn(squares.width(), squares.height(), |x, y| {
-        let light = picture.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>() / 3.0;
-        squares.get(x, y) / (light + REL_MSE_EPSILON as f32)
-    })
-}
-
-/// The `squares` of a picture's channels, pixel by pixel, relative to its light as in relMSE: mean over the channels.
-pub(crate) fn relative(picture: &Rgb, squares: impl Fn(usize, usize, usize) -> f32 + Sync) -> Plane {
-    let (width, height) = picture[0].size();
-    Plane::par_from_fn(width, height, |x, y| {
-        let light = picture.iter().map(|plane| plane.get(x, y).powi(2) + REL_MSE_EPSILON as f32);
-        light.enumerate().map(|(c, light)| squares(c, x, y) / light).sum::<f32>() / 3.0
-    })
 }
 
 /// The mean of an error plane, which is what a target is compared with.

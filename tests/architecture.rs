@@ -20,7 +20,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("trace", &["error", "image", "frame"]),
     ("sampling", &["error", "image", "frame", "metrics"]),
     // The rounds of a render: the one place that knows both the tracer and the denoiser.
-    ("adaptive", &["error", "image", "frame", "options", "denoise", "sampling", "trace"]),
+    ("adaptive", &["error", "image", "frame", "options", "denoise", "metrics", "sampling", "trace"]),
     ("lib", &[]),
 ];
 

@@ -274,3 +274,26 @@ fn a_frame_that_is_given_away_comes_out_the_same() {
         assert_eq!(denoise(frame.clone(), &options).unwrap(), lent);
     }
 }
+
+#[test]
+fn several_bandwidths_give_the_mean_of_what_each_gives() {
+    let picture = noisy(0.1, 7);
+    let by = |bandwidths: &[f32]| {
+        let options = Options { bandwidths: bandwidths.to_vec(), ..Options::default() };
+        denoise(&picture, &Options { coarse: false, restore: false, ..options }).unwrap().color
+    };
+    let (narrow, wide) = (by(&[0.7]), by(&[1.5]));
+    assert_ne!(narrow, wide);
+    let mean = |sum: &[&Rgb], c: usize, at: (usize, usize)| {
+        sum.iter().map(|color| color[c].get(at.0, at.1)).sum::<f32>() / sum.len() as f32
+    };
+    for (bandwidths, parts) in
+        [(&[0.7, 1.5][..], &[&narrow, &wide][..]), (&[1.5, 0.7, 0.7], &[&wide, &narrow, &narrow])]
+    {
+        let result = by(bandwidths);
+        for (c, x, y) in [(0, 0, 0), (1, 27, 18), (2, 52, 36), (0, 26, 5)] {
+            let expected = mean(parts, c, (x, y));
+            assert!((result[c].get(x, y) - expected).abs() < 1e-5, "{bandwidths:?} {c}, {x}, {y}");
+        }
+    }
+}

@@ -18,8 +18,9 @@ use crate::denoise::variance::{half_difference_squared, smooth};
 use crate::error::Result;
 use crate::frame::{Feature, FeatureKind, Frame};
 use crate::image::{Plane, Rgb};
+use crate::metrics::REL_MSE_EPSILON;
 use crate::options::{Kernel, Options};
-use crate::sampling::{relative, relative_error};
+use crate::sampling::relative_error;
 
 /// Pixels along a side of a block.
 const BLOCK: usize = 2;
@@ -113,6 +114,15 @@ fn quick() -> Options {
     options.outliers.enabled = false;
     options.prefilter.enabled = false;
     options
+}
+
+/// The `squares` of a picture's channels, pixel by pixel, relative to its light as in relMSE: mean over the channels.
+fn relative(picture: &Rgb, squares: impl Fn(usize, usize, usize) -> f32 + Sync) -> Plane {
+    let (width, height) = picture[0].size();
+    Plane::par_from_fn(width, height, |x, y| {
+        let light = picture.iter().map(|plane| plane.get(x, y).powi(2) + REL_MSE_EPSILON as f32);
+        light.enumerate().map(|(c, light)| squares(c, x, y) / light).sum::<f32>() / 3.0
+    })
 }
 
 #[cfg(test)]

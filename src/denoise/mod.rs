@@ -163,6 +163,7 @@ fn fits(
         let last = n + 1 == options.stages.len();
         let asked = Asked {
             kernels,
+            bandwidths: if last { &options.bandwidths } else { &[1.0] },
             coverage: options.min_coverage * if last { 1.0 } else { options.pilot_coverage },
             area: *area,
             targets: if last { signal.targets.len() } else { 3 }, // AOVs go through the last operator alone

@@ -72,6 +72,7 @@ fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>
     let wanted = Rect::whole(part.read.size());
     let asked = Asked {
         kernels: &options.stages[0],
+        bandwidths: &[1.0],
         coverage: options.min_coverage * options.pilot_coverage,
         area: Area { origin: part.origin(), wanted, counted: Rect::whole((0, 0)) },
         targets: 3,

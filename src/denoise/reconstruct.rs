@@ -174,6 +174,8 @@ pub struct Sums {
     data: Vec<f32>,
     /// Whether any fit was added.
     any: bool,
+    /// Whether they are several, of which each has a Σ a of 1.
+    joined: bool,
     /// Where centres are counted.
     counted: Rect,
     fits: usize,
@@ -186,7 +188,7 @@ impl Sums {
     fn new(rect: Rect, targets: usize, counted: Rect) -> Self {
         let depth = targets + EXTRA;
         let data = vec![0.0; rect.width * rect.height * depth];
-        Self { rect, depth, data, any: false, counted, fits: 0, grid_fits: 0, orders: [0; 4] }
+        Self { rect, depth, data, any: false, joined: false, counted, fits: 0, grid_fits: 0, orders: [0; 4] }
     }
 
     fn at(&self, x: usize, y: usize) -> usize {
@@ -234,6 +236,23 @@ impl Sums {
             coverage_fits: self.fits - self.grid_fits,
             orders: self.orders,
         }
+    }
+
+    /// Those of both, of which each counts the same at every pixel, whatever it has summed there.
+    #[must_use]
+    pub fn and(mut self, other: Self) -> Self {
+        let (depth, count, joined) = (self.depth, self.depth - EXTRA, self.joined);
+        let total = |pixel: &[f32]| if pixel[count] > 0.0 { pixel[count] } else { 1.0 };
+        let pixels = self.data.par_chunks_exact_mut(depth).zip(other.data.par_chunks_exact(depth));
+        pixels.with_min_len(TILE * TILE).for_each(|(own, others)| {
+            let totals = [if joined { 1.0 } else { total(own) }, total(others)];
+            own.iter_mut().zip(others).for_each(|(own, other)| *own = *own / totals[0] + other / totals[1]);
+        });
+        self.joined = true;
+        self.fits += other.fits;
+        self.grid_fits += other.grid_fits;
+        self.orders.iter_mut().zip(other.orders).for_each(|(a, b)| *a += b);
+        self
     }
 
     /// Adds those of tiles, in their order; rows in parallel.

@@ -4,7 +4,7 @@ use super::basis::Basis;
 use super::design::Design;
 use super::guides::{Guided, Guides};
 use super::observer::Log;
-use super::reconstruct::{self, Area, Reconstruction};
+use super::reconstruct::{self, Area, Reconstruction, Sums};
 use super::solver::{Pilot, Problem};
 use super::temporal::Warped;
 use super::{coarse, variance};
@@ -78,6 +78,8 @@ pub struct Fits<'a> {
 /// What a stage is asked for.
 pub struct Asked<'a> {
     pub kernels: &'a [Kernel],
+    /// Factors on their bandwidths; what comes of each is averaged.
+    pub bandwidths: &'a [f32],
     /// The summed weight that a pixel needs.
     pub coverage: f32,
     pub area: Area,
@@ -112,8 +114,13 @@ impl<'a> Fits<'a> {
             basis,
             options,
         };
-        let hear = |done| log.observer.progress(done);
-        let sums = reconstruct::run(&problem, asked.kernels, asked.coverage, asked.area, &hear);
+        let pass = |(n, factor): (usize, &f32)| {
+            let kernels: Vec<Kernel> = asked.kernels.iter().map(|kernel| kernel.widened(*factor)).collect();
+            let hear = |done| log.observer.progress((n as f32 + done) / asked.bandwidths.len() as f32);
+            reconstruct::run(&problem, &kernels, asked.coverage, asked.area, &hear)
+        };
+        let passes = asked.bandwidths.iter().enumerate().map(pass);
+        let sums = passes.reduce(Sums::and).expect("the options' check wants at least one bandwidth");
         if asked.last {
             self.guides = Guides::default(); // the result has room where these were
         }

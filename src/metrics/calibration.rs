@@ -1,9 +1,8 @@
 //! Is the estimated error true? How well a denoiser knows what it got wrong.
 
-use super::{check, mean, rel_mse};
+use super::{check, mean, rel_mse, relative_mean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
-use crate::sampling::relative_mean;
 
 /// Pixels are sorted by their estimate and cut into this many groups, equal in size to one.
 const GROUPS: usize = 10;

@@ -55,6 +55,12 @@ impl Numbers<f32> for f32 {
     }
 }
 
+impl Numbers<f32> for Vec<f32> {
+    fn numbers(&self) -> &[f32] {
+        self
+    }
+}
+
 impl Numbers<f32> for Option<f32> {
     fn numbers(&self) -> &[f32] {
         self.as_slice()

@@ -149,6 +149,8 @@ pub struct Planes {
     /// Of the features that fits read.
     features: usize,
     aovs: usize,
+    /// Sums that are held at once.
+    sums: usize,
 }
 
 impl Planes {
@@ -162,7 +164,8 @@ impl Planes {
         });
         let aovs = 3 * frame.aovs().len();
         let color = 3 + rgb(frame.color_var_of_mean().is_some()) + 2 * rgb(frame.halves().is_some());
-        Self { all: color + all_features.sum::<usize>() + aovs, features, aovs }
+        let sums = options.bandwidths.len().min(2);
+        Self { all: color + all_features.sum::<usize>() + aovs, features, aovs, sums }
     }
 
     /// Bytes of the result.
@@ -181,7 +184,7 @@ impl Planes {
         let (sums, result) = (targets + 4, targets + 3);
         let filtering = self.all + self.features + albedo + variance + smoothed;
         let read = targets + variance + smoothed + self.features + albedo;
-        let fitting = read + 2 * guide + 2 * self.features + pilot + sums + coverage;
+        let fitting = read + 2 * guide + 2 * self.features + pilot + self.sums * sums + coverage;
         let ending = read + sums + result;
         (filtering.max(fitting).max(ending) + input_error) * size_of::<f32>()
     }
@@ -202,7 +205,7 @@ mod tests {
     #[test]
     fn bands_fill_the_bound_and_too_small_a_bound_names_the_least() {
         const HALO: usize = 300;
-        let planes = Planes { all: 20, features: 7, aovs: 0 };
+        let planes = Planes { all: 20, features: 7, aovs: 0, sums: 1 };
         let target = Rect::whole((7680, 4320));
         let budget = |bound| {
             let fixed = Fixed { bytes: MOST_FIXED_BYTES, band: 64 << 20 };
@@ -231,7 +234,8 @@ mod tests {
         assert_eq!(fixed(2, 15 * MIB) / MIB, 124);
         assert_eq!([fixed(64, 0), fixed(8, 1 << 40)], [MOST_FIXED_BYTES; 2]);
         // A high and narrow picture is looked through in more rows than a band has.
-        let (planes, target) = (Planes { all: 20, features: 7, aovs: 0 }, Rect::whole((16, 100_000)));
+        let (planes, target) =
+            (Planes { all: 20, features: 7, aovs: 0, sums: 1 }, Rect::whole((16, 100_000)));
         let run = Fixed { bytes: fixed(1, 0), band: 64 * MIB };
         let error = Budget::new(Some(MemoryBound(1)), (run, planes), target, target.size(), 30, 1).rows();
         assert!(error.unwrap_err().to_string().ends_with("give at least 116M"));
@@ -239,7 +243,7 @@ mod tests {
 
     #[test]
     fn what_is_left_of_the_bound_keeps_blocks() {
-        let planes = Planes { all: 20, features: 7, aovs: 0 };
+        let planes = Planes { all: 20, features: 7, aovs: 0, sums: 1 };
         let target = Rect::whole((1000, 1000));
         let fixed = fixed(2, 1 << 20);
         let of_run = Fixed { bytes: fixed, band: 0 };
