@@ -4,7 +4,7 @@ use std::num::NonZero;
 
 use apr::error::{Error, ErrorKind, Result};
 
-/// [choice] More threads than cores only wait for one another, a thousand of them for hours. So few cost nothing on any
+/// `[choice]` More threads than cores only wait for one another, a thousand of them for hours. So few cost nothing on any
 /// machine, and the same bits can be tried on small ones.
 const FEW: usize = 8;
 
