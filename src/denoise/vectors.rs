@@ -58,13 +58,13 @@ mod tests {
     }
 
     /// What stands at its threshold may tip: a column that is dropped, or whether a pixel is covered. Something does
-    /// in fog, at a few pixels by one another: 7.6e-3 of the picture and under 1e-1 of its error. The others differ
-    /// by 7.6e-4 and 3.0e-2 at most.
+    /// on the specular teapot: 1.9e-3 of the picture and 8.3e-2 of its error. The others differ by 3.5e-4 and 5.5e-3 at
+    /// most.
     #[test]
     fn a_picture_without_vectors_is_the_same_to_a_twentieth_of_its_error_but_for_what_tips() {
-        let tips = ("fog_shaft", [1e-2, 1e-1]);
+        let tips = ("teapot_specular", [1e-2, 1e-1]);
         let others =
-            ["foliage", "frosted_glass", "lens_table", "teapot_specular"].map(|name| (name, [1e-3, 5e-2]));
+            ["foliage", "frosted_glass", "fog_shaft", "lens_table"].map(|name| (name, [1e-3, 5e-2]));
         for (name, [picture_bound, error_bound]) in [tips].into_iter().chain(others) {
             let picture = picture(name);
             let widest = denoised(picture.frame(), Method::Apr, Arch::new());
