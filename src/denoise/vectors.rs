@@ -63,8 +63,7 @@ mod tests {
     #[test]
     fn a_picture_without_vectors_is_the_same_to_a_twentieth_of_its_error_but_for_what_tips() {
         let tips = ("teapot_specular", [1e-2, 1e-1]);
-        let others =
-            ["foliage", "frosted_glass", "fog_shaft", "lens_table"].map(|name| (name, [1e-3, 5e-2]));
+        let others = ["foliage", "frosted_glass", "fog_shaft", "lens_table"].map(|name| (name, [1e-3, 5e-2]));
         for (name, [picture_bound, error_bound]) in [tips].into_iter().chain(others) {
             let picture = picture(name);
             let widest = denoised(picture.frame(), Method::Apr, Arch::new());
