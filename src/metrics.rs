@@ -153,7 +153,7 @@ fn relative_squared(x: f64, r: f64) -> f64 {
 }
 
 /// `squares`, a mean over the channels, relative to the `picture`'s light as in relMSE.
-pub(crate) fn relative_mean(squares: &Plane, picture: &Rgb) -> Plane {
+pub fn relative_mean(squares: &Plane, picture: &Rgb) -> Plane {
     Plane::par_from_fn(squares.width(), squares.height(), |x, y| {
         let light = picture.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>() / 3.0;
         squares.get(x, y) / (light + REL_MSE_EPSILON as f32)

@@ -3,7 +3,7 @@
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-/// As many as the command line takes: more take memory and time, and help nobody.
+/// More take memory and time, and help nobody.
 const MOST: i64 = 1024;
 
 /// So many threads, or one per core. A call has threads of its own: those of an earlier one do not live on in a

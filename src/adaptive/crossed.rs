@@ -47,7 +47,7 @@ pub fn crossed_error(frame: &Frame) -> Result<Plane> {
         let denoised = denoise(&half, &quick())?;
         let mut error = relative_error(&denoised);
         if let Some(variance) = half.color_var_of_mean() {
-            let mut noise = relative(&denoised.color, |c, x, y| variance[c].get(x, y));
+            let mut noise = relative(variance, &denoised.color);
             noise.change(|noise| if noise > 0.0 && noise.is_finite() { noise } else { 0.0 });
             error.combine(&smooth(&noise, NOISE_RADIUS), |error, noise| CALIBRATION * (error * noise).sqrt());
         }
@@ -117,11 +117,12 @@ fn quick() -> Options {
 }
 
 /// The `squares` of a picture's channels, pixel by pixel, relative to its light as in relMSE: mean over the channels.
-fn relative(picture: &Rgb, squares: impl Fn(usize, usize, usize) -> f32 + Sync) -> Plane {
+fn relative(squares: &Rgb, picture: &Rgb) -> Plane {
     let (width, height) = picture[0].size();
     Plane::par_from_fn(width, height, |x, y| {
-        let light = picture.iter().map(|plane| plane.get(x, y).powi(2) + REL_MSE_EPSILON as f32);
-        light.enumerate().map(|(c, light)| squares(c, x, y) / light).sum::<f32>() / 3.0
+        let light = |plane: &Plane| plane.get(x, y).powi(2) + REL_MSE_EPSILON as f32;
+        let channels = squares.iter().zip(picture);
+        channels.map(|(squares, plane)| squares.get(x, y) / light(plane)).sum::<f32>() / 3.0
     })
 }
 

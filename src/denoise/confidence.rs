@@ -22,8 +22,8 @@
 //! focus at 16 spp, ×3. Of squared errors as they are, which a few highlights are the most of, it is half.
 
 use super::reconstruct::Reconstruction;
+use super::variance::around;
 use crate::image::{Plane, mean_of_channels};
-use std::ops::RangeInclusive;
 
 /// κ.
 const SCALE: f32 = 1.1;
@@ -41,35 +41,30 @@ pub fn estimate(result: &mut Reconstruction, dark_level: f32) {
     light.change(|light| light.hypot(dark_level));
     let relative = |mut plane: Plane| {
         plane.combine(&light, |squares, light| (squares / (light * light)).min(LARGEST));
-        among_alike(&plane, &light)
+        plane
     };
     let risk = std::mem::replace(&mut result.mse, Plane::filled(0, 0, 0.0));
-    let [change, risk] = [change, risk].map(relative);
+    let terms = [change, risk].map(relative);
     result.mse = Plane::par_from_fn(light.width(), light.height(), |x, y| {
-        let error = (change.get(x, y) * risk.get(x, y)).sqrt();
-        (SCALE * light.get(x, y).powi(2) * error).min(f32::MAX)
+        let [change, risk] = among_alike(&terms, &light, [x, y]);
+        (SCALE * light.get(x, y).powi(2) * (change * risk).sqrt()).min(f32::MAX)
     });
 }
 
-/// The mean over the pixels around every pixel, each as much as its `light` is like the pixel's.
-fn among_alike(plane: &Plane, light: &Plane) -> Plane {
-    let (width, height) = plane.size();
-    let around = |at: usize, limit: usize| -> RangeInclusive<usize> {
-        at.saturating_sub(RADIUS)..=(at + RADIUS).min(limit - 1)
-    };
-    Plane::par_from_fn(width, height, |x, y| {
-        let own = light.get(x, y);
-        let (mut sum, mut total) = (0.0, 0.0);
-        for row in around(y, height) {
-            let columns = around(x, width);
-            for (value, other) in plane.row(row)[columns.clone()].iter().zip(&light.row(row)[columns]) {
-                let alike = own.min(*other) / own.max(*other);
-                sum += alike * value;
-                total += alike;
-            }
+/// The means of `planes` over the pixels around the one at column `x` and row `y`, each as much as its `light` is like
+/// that one's.
+fn among_alike(planes: &[Plane; 2], light: &Plane, [x, y]: [usize; 2]) -> [f32; 2] {
+    let ((width, height), own) = (light.size(), light.get(x, y));
+    let (mut sums, mut total) = ([0.0; 2], 0.0);
+    for row in around(y, RADIUS, height) {
+        for column in around(x, RADIUS, width) {
+            let other = light.get(column, row);
+            let alike = own.min(other) / own.max(other);
+            sums.iter_mut().zip(planes).for_each(|(sum, plane)| *sum += alike * plane.get(column, row));
+            total += alike;
         }
-        sum / total
-    })
+    }
+    sums.map(|sum| sum / total)
 }
 
 #[cfg(test)]

@@ -48,7 +48,7 @@ impl Beauty {
         let beauty = casting.beauty(&color);
         let told = |channels: &[Channel]| channels.iter().map(|&c| told_name(&documents, c)).collect();
         let (channels, read) = (told(&beauty), told(&color.mean.channels));
-        let ours = documents[0].headers().iter().any(|header| signature_in(header).is_some());
+        let ours = signature_in(documents[0].headers()).is_some();
         let noisy = if ours || read == channels { Vec::new() } else { read };
         let places = beauty.iter().map(|channel| channel.at).collect();
         let others = casting.other_colors(&color);

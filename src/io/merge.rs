@@ -52,7 +52,7 @@ impl Piece {
             let what = format!("{what} {}", first.document.path().display());
             Err(Error::new(ErrorKind::Lacking, what).remedy(remedy).in_file(self.document.path()))
         };
-        let signature = |piece: &Self| piece.document.headers().iter().find_map(signature_in);
+        let signature = |piece: &Self| signature_in(piece.document.headers());
         if self.marks[0].inputs != first.marks[0].inputs {
             return refuse("was made of another input than", "merge the regions of one picture");
         }

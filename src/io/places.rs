@@ -47,13 +47,21 @@ pub fn check_apart<'a>(
 /// # Errors
 /// `Usage` when it ends otherwise.
 pub fn check_ending(target: impl AsRef<Path>) -> Result<()> {
+    check_ending_of(target, "exr", "OpenEXR")
+}
+
+/// The same of a target that is to hold `format`, whose files end in `.ending`.
+///
+/// # Errors
+/// As [`check_ending`].
+pub fn check_ending_of(target: impl AsRef<Path>, ending: &str, format: &str) -> Result<()> {
     let target = target.as_ref();
-    let says_so = target.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("exr"));
+    let says_so = target.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending));
     if says_so || target.is_dir() {
         return Ok(()); // a folder is told by whoever would write
     }
-    Err(Error::new(ErrorKind::Usage, "does not end in .exr, and OpenEXR is what is written")
-        .remedy("name it .exr, and convert it to another format afterwards")
+    Err(Error::new(ErrorKind::Usage, format!("does not end in .{ending}, and {format} is what is written"))
+        .remedy(format!("name it .{ending}, and convert it to another format afterwards"))
         .in_file(target))
 }
 

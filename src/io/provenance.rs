@@ -37,7 +37,7 @@ pub fn provenance(path: impl AsRef<Path>) -> Result<Provenance> {
     let headers = document.headers();
     let channels = headers.iter().flat_map(|header| &header.channels.list);
     Ok(Provenance {
-        signature: headers.iter().find_map(signature_in),
+        signature: signature_in(headers),
         region: headers.iter().find_map(Mark::of).map(|mark| mark.region),
         channels: channels.map(|channel| channel.name.to_string()).collect(),
     })

@@ -150,12 +150,12 @@ pub(super) fn rewrite(
     Ok(notes)
 }
 
-/// What a result was made by.
-pub(super) fn signature_in(header: &Header) -> Option<String> {
-    match header.own_attributes.other.get(&Text::from(SIGNATURE)) {
+/// What the result that has these `headers` was made by; none where it is no result.
+pub(super) fn signature_in(headers: &[Header]) -> Option<String> {
+    headers.iter().find_map(|header| match header.own_attributes.other.get(&Text::from(SIGNATURE)) {
         Some(AttributeValue::Text(text)) => Some(text.to_string()),
         _ => None,
-    }
+    })
 }
 
 impl<'a> NewPart<'a> {

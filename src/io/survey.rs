@@ -315,7 +315,7 @@ impl Survey {
 /// Tells of a file that is a result itself: what noise it still has is none that anything here expects.
 fn warn_of_denoised(source: &Source) -> Option<String> {
     let file = &source.documents[0];
-    file.headers().iter().find_map(signature_in).map(|_| {
+    signature_in(file.headers()).map(|_| {
         let file = file.path().display();
         format!(
             "{file}: is denoised already, as its attribute apr.settings tells: its noise is no longer the render's, so that \

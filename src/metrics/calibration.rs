@@ -1,6 +1,6 @@
 //! Is the estimated error true? How well a denoiser knows what it got wrong.
 
-use super::{check, mean, rel_mse, relative_mean};
+use super::{mean, rel_mse, relative_mean};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
 
@@ -29,7 +29,7 @@ pub struct Calibration {
 /// # Errors
 /// When the sizes differ or a pixel of the pictures or the estimate is NaN or infinite.
 pub fn calibration(mse: &Plane, result: &Rgb, reference: &Rgb) -> Result<Calibration> {
-    check(result, reference)?;
+    let truth = rel_mse(result, reference)?.plane;
     if mse.size() != reference[0].size() {
         return Err(Error::new(ErrorKind::Lacking, "the estimated error differs from the picture in size"));
     }
@@ -41,8 +41,7 @@ pub fn calibration(mse: &Plane, result: &Rgb, reference: &Rgb) -> Result<Calibra
         ));
     }
     let values = |plane: Plane| plane.data().iter().map(|&value| f64::from(value)).collect::<Vec<_>>();
-    let truth = values(rel_mse(result, reference)?.plane);
-    let estimate = values(relative_mean(mse, reference));
+    let [truth, estimate] = [truth, relative_mean(mse, reference)].map(values);
     let mut by_estimate: Vec<usize> = (0..truth.len()).collect();
     by_estimate.sort_by(|&a, &b| estimate[a].total_cmp(&estimate[b]).then(a.cmp(&b)));
     let place = |g: usize| g * by_estimate.len() / GROUPS;

@@ -145,17 +145,9 @@ fn check_files(arguments: &CompareArguments) -> Result<()> {
     let written: Vec<RunFile> = heat_map.chain(side_by_side).collect();
     io::check_apart(read, written.iter().copied())
         .map_err(|error| error.remedy("give what is written a name of its own"))?;
-    written.iter().try_for_each(|file| check_ending(file.path).and_then(|()| io::check_target(file.path)))
-}
-
-/// Checks that the name of a picture for people says what is written.
-fn check_ending(path: &Path) -> Result<()> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) || path.is_dir() {
-        return Ok(()); // a folder is told by whoever would write
-    }
-    Err(Error::new(ErrorKind::Usage, "does not end in .png, and PNG is what is written")
-        .remedy("name it .png, and convert it to another format afterwards")
-        .in_file(path))
+    written.iter().try_for_each(|file| {
+        io::check_ending_of(file.path, "png", "PNG").and_then(|()| io::check_target(file.path))
+    })
 }
 
 fn heat_maps(results: &[Rgb], reference: &Rgb) -> Result<Vec<u8>> {

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use apr::denoise::Silent;
-use apr::image::{Plane, Rgb};
+use apr::image::Rgb;
 use apr::io::{self, Picture, ReadOptions, RunFile};
-use apr::metrics::{self, REL_MSE_EPSILON};
+use apr::metrics;
 use apr::report::sweep::{Input, Layer, Run, Sweep};
 use apr::report::{self, page, png};
 use apr::{Error, ErrorKind, Frame, Result};
@@ -160,7 +160,7 @@ impl Trial<'_> {
         let calibrate = || metrics::calibration(&denoised.mse, &denoised.color, self.reference);
         let calibration = estimated.then(calibrate).transpose()?;
         self.look(&variant.name, &denoised.color, layers)?;
-        let estimate = self.relative(&denoised.mse);
+        let estimate = metrics::relative_mean(&denoised.mse, self.reference);
         let mut add = |what: &str, png| layers.push(Layer { name: format!("{}: {what}", variant.name), png });
         if estimated {
             add("estimated error", png::heat_maps(&[&estimate])?);
@@ -185,14 +185,6 @@ impl Trial<'_> {
         add(format!("{name}: signed error"), png::signed_error(color, self.reference)?);
         add(format!("{name}: true error"), png::heat_maps(&[&truth])?);
         Ok(())
-    }
-
-    /// An estimated squared error as a relative one, like relMSE's.
-    fn relative(&self, mse: &Plane) -> Plane {
-        Plane::from_fn(mse.width(), mse.height(), |x, y| {
-            let square = self.reference.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>() / 3.0;
-            mse.get(x, y) / (square + REL_MSE_EPSILON as f32)
-        })
     }
 }
 

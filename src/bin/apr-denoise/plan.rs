@@ -225,8 +225,9 @@ impl Plan {
             // Better now than after the work. One try in each folder is enough, if no link leads to another one.
             if seen.insert(target.parent()) || target.is_symlink() {
                 io::check_target(target)?;
+            } else {
+                io::check_old(target)?;
             }
-            io::check_old(target)?;
         }
         if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
     }

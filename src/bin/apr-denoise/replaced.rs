@@ -15,11 +15,11 @@ use crate::sampling;
 /// # Errors
 /// `Usage` when a result or a sampling map would take its place, `Lacking` when an input is such a result.
 pub fn check(jobs: &[Job]) -> Result<()> {
-    let is_again =
-        |job: &&Job| job.is_in_place() && io::provenance(&job.input).is_ok_and(|it| is_result(&it));
-    refuse(again, jobs.iter().filter(is_again).map(|job| (job, job.input.as_path())))?;
-    let is_lost = |job: &&Job| !job.is_in_place() && is_strange(&job.output, is_result);
-    refuse(lost, jobs.iter().filter(is_lost).map(|job| (job, job.output.as_path())))?;
+    let (in_place, elsewhere): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.is_in_place());
+    let inputs = in_place.into_iter().map(|job| (job, job.input.as_path()));
+    refuse(again, inputs.filter(|(_, input)| io::provenance(input).is_ok_and(|found| is_result(&found))))?;
+    let outputs = elsewhere.into_iter().map(|job| (job, job.output.as_path()));
+    refuse(lost, outputs.filter(|(_, output)| is_strange(output, is_result)))?;
     let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));
     refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))
 }

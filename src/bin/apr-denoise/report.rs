@@ -256,12 +256,9 @@ impl ErrorSums {
 /// where that is no variance, which the denoiser repairs from the pixels around.
 pub fn input_error(frame: &Frame) -> Option<Rgb> {
     if let Some(variance) = frame.color_var_of_mean() {
-        let of = |plane: &Plane, x, y| if plane.get(x, y) < 0.0 { f32::NAN } else { plane.get(x, y) };
-        return Some(
-            variance
-                .each_ref()
-                .map(|plane| Plane::par_from_fn(plane.width(), plane.height(), |x, y| of(plane, x, y))),
-        );
+        let mut error = variance.clone();
+        error.iter_mut().for_each(|plane| plane.change(|v| if v < 0.0 { f32::NAN } else { v }));
+        return Some(error);
     }
     let [a, b] = frame.halves()?;
     let quarter = |c: usize| move |x, y| (a[c].get(x, y) - b[c].get(x, y)).powi(2) / 4.0;
