@@ -193,6 +193,32 @@ fn hostile_headers_are_refused_in_little_memory() {
     assert_eq!(limited(&path).status.code(), Some(0), "the limit itself is no obstacle");
 }
 
+/// The counters at the head of a block of DWA: the decoder asks for as much memory as they say.
+#[test]
+fn a_block_of_dwa_that_announces_too_much_is_refused() {
+    let size = (19, 37);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("dwa.exr");
+    let channels = channels(size, &["R", "G", "B", "A", "depth.Z"]).into();
+    write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::DWAA(None)), channels));
+    let bytes = std::fs::read(&path).unwrap();
+    survive(&bytes).unwrap();
+    // The blocks follow on the table that points to them; each starts with its row and its length.
+    let table = (8..bytes.len()).find(|at| {
+        let word = |n: usize| {
+            bytes.get(at + 8 * n..at + 8 * n + 8).map(|b| u64::from_le_bytes(b.try_into().unwrap()))
+        };
+        word(0) == Some(*at as u64 + 16) && word(1) > word(0)
+    });
+    let counters = table.expect("two blocks of 32 rows") + 16 + 8;
+    for n in [1, 6, 7, 8, 9] {
+        let mut bytes = bytes.clone();
+        bytes[counters + 8 * n + 6] = 1; // 2^48 more
+        let error = survive(&bytes).unwrap_err();
+        assert!(error.to_string().contains("announces"), "counter {n}: {error}");
+    }
+}
+
 /// A block of 38 kB whose zeros go on for 64 MiB, in the place of one that holds what it announces.
 #[test]
 #[cfg(target_os = "linux")]

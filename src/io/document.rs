@@ -262,29 +262,30 @@ impl Document {
     /// Decodes `chunk` into `block`, whose memory is used again where it can be.
     fn decompress(&self, chunk: Chunk, block: &mut UncompressedBlock, zip: &mut Zip) -> Result<()> {
         let header = &self.meta.headers[chunk.layer_index];
-        if let Some(packed) = packed_bytes(&chunk.compressed_block).filter(|_| Zip::is_for(header)) {
-            let place = header.get_block_data_indices(&chunk.compressed_block);
-            let place = place.map_err(|error| exr_error(&error))?;
-            let bounds = header.get_absolute_block_pixel_coordinates(place).map_err(|e| exr_error(&e))?;
-            let position = bounds.position.to_usize("block").map_err(|error| exr_error(&error))?;
-            let bytes = bounds.size.area() * header.channels.bytes_per_pixel;
+        let place = header.get_block_data_indices(&chunk.compressed_block).map_err(|e| exr_error(&e))?;
+        let bounds = header.get_absolute_block_pixel_coordinates(place).map_err(|e| exr_error(&e))?;
+        let bytes = bounds.size.area() * header.channels.bytes_per_pixel;
+        // What does not shrink is stored as it is.
+        let packed = packed_bytes(&chunk.compressed_block);
+        let shrunk = packed.filter(|packed| packed.len() != bytes);
+        if let Some(packed) = packed.filter(|_| Zip::is_for(header)) {
             block.data.resize(bytes, 0);
-            // What does not shrink is stored as it is.
-            let whole = if packed.len() == bytes {
-                block.data.copy_from_slice(packed);
-                true
-            } else {
-                zip.decompress(packed, &mut block.data).is_some()
+            let whole = match shrunk {
+                None => Some(block.data.copy_from_slice(packed)),
+                Some(packed) => zip.decompress(packed, &mut block.data),
             };
-            if whole {
+            if whole.is_some() {
                 block.index = BlockIndex {
                     layer: chunk.layer_index,
-                    pixel_position: position,
+                    pixel_position: bounds.position.to_usize("block").map_err(|error| exr_error(&error))?,
                     pixel_size: bounds.size,
                     level: place.level_index,
                 };
                 return Ok(());
             }
+        }
+        if let Some(packed) = shrunk {
+            limits::check_dwa(header, packed)?;
         }
         *block = UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|e| exr_error(&e))?;
         Ok(())

@@ -184,6 +184,35 @@ fn plausible(header: &Header, file_bytes: u64) -> Result<u64> {
     Ok(least_bytes)
 }
 
+/// Refuses a shrunk block of DWA whose counters announce more than any block of the part holds: the decoder asks for as
+/// much memory as they say, and a process that is refused it ends.
+///
+/// # Errors
+/// `Unreadable`, with the remedy.
+pub(super) fn check_dwa(header: &Header, packed: &[u8]) -> Result<()> {
+    /// Those of eleven that tell what the sections decode to: bytes that are stored as they are, those of runs
+    /// before and after they are unrolled, coefficients of either kind.
+    const DECODED: [usize; 5] = [1, 6, 7, 8, 9];
+    /// Of a sample at most: runs take up to twice their content.
+    const MOST_BYTES: u64 = 8;
+    if !matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        return Ok(());
+    }
+    let size = header.max_block_pixel_size();
+    let samples = [size.width(), size.height()].map(|n| n.next_multiple_of(8) as u64).iter().product::<u64>()
+        * header.channels.list.len() as u64;
+    let (counters, _) = packed.as_chunks();
+    let announced =
+        DECODED.iter().filter_map(|&n| counters.get(n)).map(|counter| u64::from_le_bytes(*counter));
+    match announced.max() {
+        Some(most) if most > samples * MOST_BYTES => {
+            Err(unreadable(format!("is damaged: a block announces {most} bytes where {samples} samples are"))
+                .remedy("write it again"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// By how much a codec can shrink its input at the very best.
 fn most_expansion(compression: Compression) -> u64 {
     const DEFLATE: u64 = 1032; // its limit: 258 bytes by two bits
