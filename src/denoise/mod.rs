@@ -138,7 +138,7 @@ fn run(
     log.begin(Stage::Energy);
     confidence::estimate(&mut result, options.dark_level);
     if options.restore {
-        restore::apply(&mut result, &signal);
+        restore::apply(&mut result, &signal, !facts.noise_is_estimated());
     }
     if let Some(gains) = gains {
         gains.give_back(&mut result.targets, part.origin());
