@@ -74,8 +74,9 @@ pub struct Arguments {
     /// Write a report of the run; of a sequence one for each frame: 'report.####.json'.
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Do nothing where all that is to be written is there already, which is never half-written. The result must
-    /// have been made by the same options and version, of the same region, else the run stops before any work.
+    /// Do nothing where all that is to be written is there already and whole, of inputs that have not changed since
+    /// (told by their headers, lengths and samples). The result must have been made by the same options and version, of the
+    /// same region, else the run stops before any work, or does it again with --overwrite.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
     /// Replace pictures that this program did not write, too; and denoise those again, in their own place, that it has

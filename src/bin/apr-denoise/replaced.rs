@@ -17,7 +17,9 @@ use crate::sampling;
 pub fn check(jobs: &[Job]) -> Result<()> {
     let (in_place, elsewhere): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.is_in_place());
     let inputs = in_place.into_iter().map(|job| (job, job.input.as_path()));
-    refuse(again, inputs.filter(|(_, input)| io::provenance(input).is_ok_and(|found| is_result(&found))))?;
+    // What is cut off is told by whoever reads it.
+    let is_done = |input: &Path| io::provenance(input).is_ok_and(|found| found.whole && is_result(&found));
+    refuse(again, inputs.filter(|(_, input)| is_done(input)))?;
     let outputs = elsewhere.into_iter().map(|job| (job, job.output.as_path()));
     refuse(lost, outputs.filter(|(_, output)| is_strange(output, is_result)))?;
     let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));

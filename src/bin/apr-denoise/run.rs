@@ -18,6 +18,7 @@ use crate::answer::{complain, print};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
+use crate::made_of::{Fingerprints, MadeOf};
 use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
 use crate::progress::{self, Progress, locked};
@@ -61,6 +62,9 @@ struct Step<'a, T> {
 /// Of the kind of the first frame that failed; those before it are done all the same.
 pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &str) -> Result<bool> {
     let begun = Instant::now();
+    if let Some(note) = plan.note_of_stale().filter(|_| !arguments.quiet) {
+        complain(&format!("{}: {note}", Remark::Note.name()));
+    }
     let stages = denoiser.pipeline().map_or(1.0, |options| {
         options.stages.len() as f32 + if options.coarse { progress::COARSE } else { 0.0 }
     });
@@ -131,7 +135,7 @@ fn report_when_stopped(
 
 impl<'a> Run<'a> {
     fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
-        let mut shelf = Shelf::default();
+        let (mut shelf, mut fingerprints) = (Shelf::default(), Fingerprints::default());
         for (index, job) in self.plan.jobs.iter().enumerate() {
             if index > self.last.load(Ordering::Relaxed) {
                 return;
@@ -141,9 +145,12 @@ impl<'a> Run<'a> {
             locked(&self.outcomes)[index] = Outcome::Interrupted; // until something better becomes of it
             let input = self.tried(index, || {
                 clock.begin("read");
-                let whole = || self.shot(&mut shelf, job);
                 let (arguments, frames) = (self.arguments, self.plan.jobs.len());
-                let input = Input::read(job, arguments, self.denoiser, self.signature, frames, whole)?;
+                // Before anything is read: what changes meanwhile is found changed by the next run.
+                let made_of = fingerprints.of(self.plan, job, arguments)?;
+                let signature = signature::of_frame(self.signature, &made_of);
+                let whole = || self.shot(&mut shelf, job, made_of);
+                let input = Input::read(job, arguments, self.denoiser, &signature, frames, whole)?;
                 clock.pause();
                 self.warn_of(job, &input);
                 Ok(input)
@@ -190,11 +197,11 @@ impl<'a> Run<'a> {
     }
 
     /// A frame with those beside it, signed: only now it is known which of them can be had.
-    fn shot(&self, shelf: &mut Shelf, job: &Job) -> Result<Shot> {
+    fn shot(&self, shelf: &mut Shelf, job: &Job, made_of: MadeOf) -> Result<Shot> {
         let (arguments, reach) = (self.arguments, self.arguments.temporal);
         let read = |job: &Job| Picture::read(&job.input, &arguments.read_options(job));
         let shot = shelf.shot(self.plan, job, reach, arguments.keep_going, read)?;
-        shot.picture.sign(signature::of_frame(self.signature, reach, shot.beside()));
+        shot.picture.sign(signature::of_frame(self.signature, &made_of.cut(shot.beside())));
         Ok(shot)
     }
 
