@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
-use crate::arguments::{Arguments, Missing};
+use crate::arguments::{Arguments, Missing, STANDARD_OUTPUT};
 use crate::frames::{FrameSet, counted};
 use crate::made_of::Fingerprints;
 use crate::parts::Region;
@@ -227,7 +227,10 @@ impl Plan {
                 io::check_old(target)?;
             }
         }
-        if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
+        if arguments.overwrite {
+            return Ok(());
+        }
+        replaced::check(&self.jobs, arguments.sequence_report.as_deref())
     }
 
     /// Checks that no result takes the place of its input where that would lose something.
@@ -390,9 +393,14 @@ impl Job {
 
     /// All files that are written for it.
     fn targets(&self) -> impl Iterator<Item = RunFile<'_>> {
-        let report = self.report.iter().map(|path| file("the report", path));
+        let report = self.report_file().map(|path| file("the report", path));
         let map = self.sampling_map.iter().map(|path| file("the sampling map", path));
         std::iter::once(file("the result", &self.output)).chain(report).chain(map)
+    }
+
+    /// Where its report goes, unless that is the standard output.
+    pub fn report_file(&self) -> Option<&Path> {
+        self.report.as_deref().filter(|path| *path != STANDARD_OUTPUT)
     }
 
     /// Whether the result replaces the input.
