@@ -35,6 +35,7 @@ use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
 use frames::counted;
+use pattern::Pattern;
 use plan::Plan;
 
 /// Large pages, and blocks that begin at whole cache lines: fits take 0.9 of the time that they take with glibc's.
@@ -46,6 +47,9 @@ const OPTIONS: generate::Page = ("options", "the options of --set (Markdown)", r
 
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
+
+/// The command, as it is given.
+const MERGE: &str = "merge";
 
 fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
@@ -60,6 +64,18 @@ fn main() -> ExitCode {
 }
 
 fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Result<ExitCode> {
+    for path in regions.iter().filter(|path| !path.exists()).chain([&output.to_owned()]) {
+        if Pattern::parse(path).is_some() {
+            return Err(Error::new(
+                ErrorKind::Usage,
+                "has a place for the frame's number, and one picture is merged",
+            )
+            .remedy(
+                "merge frame by frame, as in `apr-denoise merge whole.0001.exr top.0001.exr bottom.0001.exr`",
+            )
+            .in_file(path));
+        }
+    }
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
@@ -80,6 +96,11 @@ fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Re
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
+    if arguments.input == Path::new(MERGE) && !arguments.input.exists() {
+        return Err(Error::new(ErrorKind::Usage, "options stand before the command `merge`").remedy(
+            "write `apr-denoise merge OUTPUT REGIONS…` with its options behind: --overwrite and --quiet",
+        ));
+    }
     threads::start(arguments.threads)?;
     if let Some(third) = arguments.further.first() {
         let what = "is a third name where an input and a result were expected";
