@@ -345,6 +345,14 @@ pub(super) fn headers_of(path: &Path) -> Result<Headers> {
     guarded(headers).map_err(|error| error.in_file(path))
 }
 
+/// Whether the EXR file at `path` ends before its headers do: not one pixel is in it.
+pub(super) fn ends_in_headers(path: &Path) -> bool {
+    const MISSING: &str = "reference to missing bytes"; // what the decoder makes of a file's end
+    let Ok(file) = File::open(path) else { return false };
+    let read = catch_unwind(AssertUnwindSafe(|| MetaData::read_from_buffered(BufReader::new(file), false)));
+    matches!(read, Ok(Err(exr::error::Error::Invalid(what))) if what == MISSING)
+}
+
 fn read_meta(reader: &mut BufReader<File>) -> Result<MetaData> {
     match MetaData::read_from_buffered(&mut *reader, true) {
         Ok(meta) => Ok(meta),

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::document::{Document, headers_of};
+use super::document::{Document, ends_in_headers, headers_of};
 use super::picture::ReadOptions;
 use super::region::Mark;
 use super::rewrite::signature_in;
@@ -25,11 +25,13 @@ pub struct Provenance {
     pub whole: bool,
 }
 
-/// Whether the file at `path` says of itself that it is OpenEXR, whatever else is in it.
+/// Whether the file at `path` says of itself that it is OpenEXR, and does not end before there can be a pixel in it.
 pub fn is_exr(path: impl AsRef<Path>) -> bool {
     const BEGIN: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
     let mut begin = [0; BEGIN.len()];
-    File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == BEGIN
+    let path = path.as_ref();
+    let begun = File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok();
+    begun && begin == BEGIN && !ends_in_headers(path)
 }
 
 /// How the result at `path` was made, which may be cut off behind its headers. Reads one block at most.
