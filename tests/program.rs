@@ -486,6 +486,17 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
     assert!((mean - 1.0).abs() < 1e-4 && densities.iter().any(|&d| d != densities[0]), "{mean}");
 }
 
+#[test]
+fn a_half_of_another_picture_is_told() {
+    let fixture = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
+    let told = |picture: &str, half: &str| {
+        run(program().arg("--inspect").args([&fixture(picture), Path::new("--half"), &fixture(half)])).1
+    };
+    let words = "foliage.exr: does not look like another render of the same frame";
+    assert!(told("trace/fog_shaft.exr", "trace/foliage.exr").contains(words));
+    assert!(!told("blender/room_seed1.exr", "blender/room_seed2.exr").contains("does not look like"));
+}
+
 /// A script's option stands before that of its user, who has the last word.
 #[test]
 fn the_last_of_two_options_counts() {
