@@ -488,13 +488,25 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
 
 #[test]
 fn a_half_of_another_picture_is_told() {
-    let fixture = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
-    let told = |picture: &str, half: &str| {
-        run(program().arg("--inspect").args([&fixture(picture), Path::new("--half"), &fixture(half)])).1
+    let folder = tempfile::tempdir().unwrap();
+    let size = (128, 20);
+    let [picture, other] = [("picture.exr", 0.0), ("other.exr", 9.0)].map(|(name, slope)| {
+        let bright = |(i, v): (usize, f32)| v + slope * (i % size.0) as f32 / size.0 as f32;
+        let plane = |salt| values(size.0 * size.1, salt).into_iter().enumerate().map(bright).collect();
+        let planes = [("R", 1), ("G", 2), ("B", 3)].map(|(name, salt)| exr_files::float(name, plane(salt)));
+        let path = folder.path().join(name);
+        write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::ZIP16), planes.to_vec()));
+        path
+    });
+    let told = |picture: &Path, half: &Path| {
+        run(program().arg("--inspect").args([picture, Path::new("--half"), half])).1
     };
-    let words = "foliage.exr: does not look like another render of the same frame";
-    assert!(told("trace/fog_shaft.exr", "trace/foliage.exr").contains(words));
-    assert!(!told("blender/room_seed1.exr", "blender/room_seed2.exr").contains("does not look like"));
+    assert!(
+        told(&picture, &other).contains("other.exr: does not look like another render of the same frame")
+    );
+    let seeds = ["room_seed1.exr", "room_seed2.exr"];
+    let [a, b] = seeds.map(|name| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/blender").join(name));
+    assert!(!told(&a, &b).contains("does not look like"));
 }
 
 /// A script's option stands before that of its user, who has the last word.

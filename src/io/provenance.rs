@@ -30,7 +30,8 @@ pub fn is_exr(path: impl AsRef<Path>) -> bool {
     const BEGIN: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
     let mut begin = [0; BEGIN.len()];
     let path = path.as_ref();
-    let begun = File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok();
+    let mut open = || File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    let begun = path.is_file() && open().is_ok(); // a pipe would keep us waiting
     begun && begin == BEGIN && !ends_in_headers(path)
 }
 

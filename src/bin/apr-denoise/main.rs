@@ -64,18 +64,8 @@ fn main() -> ExitCode {
 }
 
 fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Result<ExitCode> {
-    for path in regions.iter().filter(|path| !path.exists()).chain([&output.to_owned()]) {
-        if Pattern::parse(path).is_some() {
-            return Err(Error::new(
-                ErrorKind::Usage,
-                "has a place for the frame's number, and one picture is merged",
-            )
-            .remedy(
-                "merge frame by frame, as in `apr-denoise merge whole.0001.exr top.0001.exr bottom.0001.exr`",
-            )
-            .in_file(path));
-        }
-    }
+    let not_there = regions.iter().map(PathBuf::as_path).filter(|path| !path.exists());
+    not_there.chain([output]).try_for_each(check_no_pattern)?;
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
@@ -93,6 +83,15 @@ fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Re
         ))?;
     }
     Ok(ExitCode::SUCCESS)
+}
+
+/// Checks that a file of `merge`, which makes one picture, is not named as those of a sequence are.
+fn check_no_pattern(path: &Path) -> Result<()> {
+    let Some(_) = Pattern::parse(path) else { return Ok(()) };
+    let what = "has a place for the frame's number, and one picture is merged";
+    let remedy =
+        "merge frame by frame, as in `apr-denoise merge whole.0001.exr top.0001.exr bottom.0001.exr`";
+    Err(Error::new(ErrorKind::Usage, what).remedy(remedy).in_file(path))
 }
 
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {

@@ -210,7 +210,7 @@ impl Plan {
     ///
     /// # Errors
     /// `Usage` when results would overwrite each other, an input that is still needed or a picture that this program
-    /// did not write, or were made by other settings; `Unwritable` when a folder takes no file.
+    /// did not write, or were made by other settings, or a folder takes no file; `Unwritable` when the disk is at fault.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;

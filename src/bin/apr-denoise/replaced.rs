@@ -72,7 +72,7 @@ fn lost(path: &Path, frames: &str) -> Error {
 /// Whether a picture is there and is none of this program's `own`. What is no picture at all, such as the empty file by
 /// which some schedulers take a place, is no loss.
 fn is_strange(path: &Path, own: fn(&Provenance) -> bool) -> bool {
-    path.is_file() && io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
+    io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
 }
 
 /// Whether something is there and is no report of this program.
