@@ -13,8 +13,9 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_apr-denoise");
 
 const OLD: &[u8] = b"the old result";
 
-/// Exit code of a result that cannot be written.
+/// Exit code of a result that cannot be written for want of room, and of one that cannot go where it is to go.
 const UNWRITABLE: i32 = 5;
+const USAGE: i32 = 2;
 
 /// A picture without noise, so that the run is reading and writing. It is written in many pieces: the
 /// writer's buffer holds one megabyte, the picture two.
@@ -38,9 +39,9 @@ fn names(folder: &Path) -> Vec<String> {
 }
 
 /// The run said what is wrong with which file, and what to do.
-fn assert_told(output: &Output, words: &[&str]) {
+fn assert_told(output: &Output, code: i32, words: &[&str]) {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(UNWRITABLE), "{said}");
+    assert_eq!(output.status.code(), Some(code), "{said}");
     for word in ["out.exr", "cannot be written"].iter().chain(words) {
         assert!(said.contains(word), "'{said}' lacks '{word}'");
     }
@@ -62,7 +63,7 @@ fn a_disk_that_fills_up_while_the_result_is_written_leaves_the_old_one() {
     // The shells' blocks are of 512 or 1024 bytes: the whole file in smaller ones is enough for any.
     let whole = std::fs::metadata(&input).unwrap().len().div_ceil(512);
     for limit in [0, 1, 8, whole / 16, whole / 4, whole / 2 - 1] {
-        assert_told(&run(limit), &["large", "room"]);
+        assert_told(&run(limit), UNWRITABLE, &["large", "room"]);
         assert_eq!(std::fs::read(&output).unwrap(), OLD, "limit {limit}");
         assert_eq!(names(folder.path()), ["in.exr", "out.exr"], "limit {limit}");
     }
@@ -91,7 +92,7 @@ fn a_real_full_disk_is_told_and_leaves_the_old_result() {
         eprintln!("SKIPPED: this system lends no disk to a test");
         return;
     };
-    assert_told(&output, &["No space left", "room"]);
+    assert_told(&output, UNWRITABLE, &["No space left", "room"]);
     let left = String::from_utf8(output.stdout).unwrap();
     assert_eq!(left, format!("out.exr\n{}", std::str::from_utf8(OLD).unwrap()));
 }
@@ -128,9 +129,9 @@ fn a_read_only_folder_keeps_its_old_result() {
         }
         command.output().unwrap()
     };
-    assert_told(&run(&input, &output), &["Permission denied", "may be written to"]);
+    assert_told(&run(&input, &output), USAGE, &["Permission denied", "may be written to"]);
     // Before the work: an input that is not there has not been missed yet.
-    assert_told(&run(Path::new("missing.exr"), &output), &["Permission denied"]);
+    assert_told(&run(Path::new("missing.exr"), &output), USAGE, &["Permission denied"]);
     assert_eq!(std::fs::read(&output).unwrap(), OLD);
     assert_eq!(names(&closed), ["out.exr"]);
     allow(&closed, 0o777);
@@ -153,7 +154,7 @@ fn a_write_protected_file_is_told_before_the_work() {
     {
         let output = Command::new(PROGRAM).args(names).args(["--quiet", "--overwrite"]).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(UNWRITABLE), "{said}");
+        assert_eq!(output.status.code(), Some(USAGE), "{said}");
         assert!(said.contains("locked.exr: is write-protected; ") && said.contains("chmod u+w"), "{said}");
     }
     assert_eq!(std::fs::read(&locked).unwrap(), before);
@@ -170,10 +171,7 @@ fn a_pipe_in_a_files_place_is_refused() {
     for targets in [&[&*pipe][..], &[&report, Path::new("--report"), &pipe]] {
         let output = Command::new(PROGRAM).arg(&input).args(targets).arg("--quiet").output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(
-            output.status.code() == Some(UNWRITABLE) && said.contains("pipe.exr: is a device or"),
-            "{said}"
-        );
+        assert!(output.status.code() == Some(USAGE) && said.contains("pipe.exr: is a device or"), "{said}");
     }
     assert_eq!(names(folder.path()), ["in.exr", "pipe.exr"]);
 }

@@ -195,7 +195,7 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
     std::fs::write(&text, "no picture").unwrap();
     let (missing, nowhere) = (in_folder("missing.exr"), in_folder("no/such/folder/out.exr"));
     let here = folder.path().to_str().unwrap();
-    let cases: [(i32, &[&str], &[&str]); 24] = [
+    let cases: [(i32, &[&str], &[&str]); 26] = [
         (2, &[], &["required"]),
         (2, &[&input], &["OUTPUT"]),
         (2, &[&input, &out, "--spp", "0"], &["above 0"]),
@@ -222,8 +222,10 @@ fn every_failure_has_its_exit_code_and_names_the_remedy() {
         (3, &[here, &out], &["cannot be read"]),
         (4, &[&no_color, &out], &["no color.exr", "no colour", "--map color=LAYER"]),
         (4, &[&input, &out, "--map", "albedo=x.R"], &["'x.R'", "--inspect"]),
-        (5, &[&input, &nowhere], &["out.exr: cannot be written", "folder exists"]),
-        (5, &[&input, here], &["is a folder"]),
+        (2, &[&input, &nowhere], &["out.exr: cannot be written", "make its folder"]),
+        (2, &[&input, here], &["is a folder"]),
+        (2, &["--quiet", "merge", &out, &input], &["before the command `merge`"]),
+        (3, &[&input, &out, "--options", &missing], &["missing.exr", "--options takes"]),
     ];
     for (expected, arguments, words) in cases {
         let (code, _, complaint) = run(program().args(arguments));
@@ -295,6 +297,61 @@ fn an_answer_that_finds_the_disk_full_is_told() {
     assert_eq!(output.status.code(), Some(5));
 }
 
+/// The frame is done all the same, and what is told at the end is the log's fault alone.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_log_that_takes_no_more_fails_no_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output, all) =
+        (render(folder.path()), folder.path().join("out.exr"), folder.path().join("all.json"));
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    command.args([&input, &output, Path::new("--sequence-report"), &all]).stdout(full);
+    let ended = command.output().unwrap();
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert_eq!(ended.status.code(), Some(5), "{said}");
+    assert_eq!(said.matches("the standard output cannot be written").count(), 1, "{said}");
+    let report: Value = serde_json::from_slice(&std::fs::read(&all).unwrap()).unwrap();
+    assert_eq!(report["counts"]["done"], 1);
+}
+
+#[test]
+fn a_report_can_be_printed_and_replaces_reports_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (render(folder.path()), folder.path().join("out.exr"));
+    let (code, said, _) = run(program().args([&input, &output]).args(["--report", "-"]));
+    assert_eq!(code, 0);
+    let report: Value = serde_json::from_str(&said).unwrap_or_else(|error| panic!("{error}: {said}"));
+    assert_eq!(report["program"], "apr-denoise");
+    let old = std::fs::read(&input).unwrap();
+    for option in ["--report", "--sequence-report"] {
+        let other = folder.path().join("another.exr");
+        std::fs::write(&other, &old).unwrap();
+        let refused =
+            |more: &[&str]| run(program().args([&input, &output]).arg(option).arg(&other).args(more));
+        let (code, _, told) = refused(&[]);
+        assert!(code == 2 && told.contains("another.exr: is there already, and this program did"), "{told}");
+        assert_eq!(std::fs::read(&other).unwrap(), old);
+        assert_eq!(refused(&["--overwrite"]).0, 0);
+        assert_eq!(refused(&[]).0, 0, "its own report");
+    }
+}
+
+/// Whoever has opened the log would go on writing to a file that is gone.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_log_is_not_replaced_by_way_of_its_descriptor() {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output, log) =
+        (render(folder.path()), folder.path().join("out.exr"), folder.path().join("log"));
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    command.args([&input, &output]).args(["--report", "/dev/stdout"]);
+    let ended = command.stdout(std::fs::File::create(&log).unwrap()).output().unwrap();
+    let told = String::from_utf8(ended.stderr).unwrap();
+    assert!(ended.status.code() == Some(2) && told.contains("/dev/stdout: is an open file"), "{told}");
+    assert!(!output.exists());
+}
+
 /// Tiled, half, with spaces: nothing in the encoding keeps a file from going through twice.
 #[test]
 fn a_result_can_be_denoised_again() {
@@ -349,6 +406,20 @@ fn what_is_denoised_already_is_told() {
         run(command.arg("merge").args([&at("whole.exr"), &top, &bottom]).args(more)).1
     };
     assert!(merge(&[]).ends_with("whole.exr: put together from 2 regions\n") && merge(&["-q"]).is_empty());
+
+    let refused = |names: &[&str]| {
+        let (code, _, told) = run(program().arg("merge").args(names).current_dir(folder.path()));
+        assert_ne!(code, 0);
+        told
+    };
+    let (top, bytes) = (["top.exr", "bottom.exr"], std::fs::read(&top).unwrap());
+    let told = refused(&["m.####.exr", "top.exr", "bottom.exr"]);
+    assert!(told.contains("m.####.exr: has a place") && told.contains("frame by frame"), "{told}");
+    let told = refused(&["top.exr", "bottom.exr", "whole.exr"]);
+    assert!(told.contains("top.exr: is a region itself") && told.contains("picture first"), "{told}");
+    assert!(std::fs::read(at("top.exr")).unwrap() == bytes);
+    let told = refused(&["w.exr", top[0]]);
+    assert!(told.contains("top.exr: ") && told.contains("in no region"), "{told}");
 }
 
 #[test]
@@ -413,6 +484,40 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
     let densities: Vec<f32> = file.layer_data[0].channel_data.list[0].sample_data.values_as_f32().collect();
     let mean = densities.iter().sum::<f32>() / densities.len() as f32;
     assert!((mean - 1.0).abs() < 1e-4 && densities.iter().any(|&d| d != densities[0]), "{mean}");
+}
+
+#[test]
+fn a_half_of_another_picture_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let size = (128, 20);
+    let [picture, other] = [("picture.exr", 0.0), ("other.exr", 9.0)].map(|(name, slope)| {
+        let bright = |(i, v): (usize, f32)| v + slope * (i % size.0) as f32 / size.0 as f32;
+        let plane = |salt| values(size.0 * size.1, salt).into_iter().enumerate().map(bright).collect();
+        let planes = [("R", 1), ("G", 2), ("B", 3)].map(|(name, salt)| exr_files::float(name, plane(salt)));
+        let path = folder.path().join(name);
+        write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::ZIP16), planes.to_vec()));
+        path
+    });
+    let told = |picture: &Path, half: &Path| {
+        run(program().arg("--inspect").args([picture, Path::new("--half"), half])).1
+    };
+    assert!(
+        told(&picture, &other).contains("other.exr: does not look like another render of the same frame")
+    );
+    let seeds = ["room_seed1.exr", "room_seed2.exr"];
+    let [a, b] = seeds.map(|name| Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/blender").join(name));
+    assert!(!told(&a, &b).contains("does not look like"));
+}
+
+/// A script's option stands before that of its user, who has the last word.
+#[test]
+fn the_last_of_two_options_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let twice =
+        ["--skip-existing", "--threads", "1", "--skip-existing", "--threads", "2", "--quiet", "--quiet"];
+    let output = folder.path().join("out.exr");
+    let (code, _, told) = run(program().args([&render(folder.path()), &output]).args(twice));
+    assert_eq!(code, 0, "{told}");
 }
 
 /// What is wrong with a number is told of it, not of an option that it would be.

@@ -217,6 +217,8 @@ fn missing_frames_are_all_named_before_any_work() {
     shot.expect(0, &[&skip[..], &["--sequence-report", "all.json", "--quiet"]].concat());
     assert_eq!(shot.names("den"), ["den.0004.exr"]);
     assert_eq!(shot.states("all.json"), states(&[(3, "missing"), (4, "done")]));
+    let (said, _) = shot.expect(0, &skip);
+    assert!(said.trim_end().ends_with("1 has no input; left out: 3 (3 for want of shot.0003.exr)"), "{said}");
 }
 
 #[test]
@@ -239,10 +241,105 @@ fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
         complaint.contains("den.0001.exr: was made otherwise: its options.outliers.radius"),
         "{complaint}"
     );
-    assert!(complaint.contains("frames 1-3"), "{complaint}");
+    assert!(complaint.contains("frames 1-3") && complaint.contains("--overwrite"), "{complaint}");
     std::fs::copy(shot.path("shot.0003.exr"), shot.path("den.0003.exr")).unwrap();
     let (_, complaint) = shot.expect(2, &again);
     assert!(complaint.contains("den.0003.exr: was made otherwise: this program did not"), "{complaint}");
+    assert!(!complaint.contains("and so for frames"), "{complaint}");
+    shot.expect(0, &[&again[..], &["--overwrite"]].concat());
+    assert_eq!(shot.states("all.json"), states(&[(1, "skipped"), (2, "skipped"), (3, "done")]));
+}
+
+/// Another shot's results under the same names, a render that was made again, a half or a further file of another
+/// render: all is done again, and the bits are those of a run in one go, in whatever folder.
+#[test]
+fn results_of_what_has_changed_since_are_done_again() {
+    let shot = Shot::new(&[1, 2]);
+    for name in ["half", "with", "hold"] {
+        [1, 2].iter().for_each(|&frame| shot.render(name, frame));
+    }
+    let files = ["--half", "half.####.exr", "--with", "with.####.exr"];
+    let run = |more: &[&str]| {
+        let common = ["shot.####.exr", "den.####.exr", "--skip-existing", "--sequence-report", "all.json"];
+        let (_, told) = shot.expect(0, &[&common, &files[..], more].concat());
+        let ended = shot.states("all.json").into_iter().map(|(_, state)| state).collect::<Vec<_>>();
+        (ended, told)
+    };
+    assert_eq!(run(&[]).0, ["done", "done"]);
+    // The content counts alone.
+    let bytes = shot.bytes("shot.0001.exr");
+    std::fs::rename(shot.path("shot.0001.exr"), shot.path("other.0001.exr")).unwrap();
+    std::fs::write(shot.path("shot.0001.exr"), bytes).unwrap();
+    assert_eq!(run(&[]).0, ["skipped", "skipped"]);
+    for name in ["shot", "half", "with"] {
+        let path = shot.path(&format!("{name}.0002.exr"));
+        let seed = 40 + name.len() + usize::from(name == "half");
+        let names = ["R", "G", "B", "variance.R", "variance.G", "variance.B"];
+        let size = (SIZE.0 + 2, SIZE.1 + 4);
+        let plane = |(n, name): (usize, &&str)| float(name, values(size.0 * size.1, seed + 7 * n));
+        let planes = names.iter().enumerate().map(plane).collect();
+        write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::ZIP16), planes));
+        let (ended, told) = run(&[]);
+        assert_eq!(ended, ["skipped", "done"], "{name}");
+        assert!(told.contains("note: den.0002.exr: is done again: its input, or"), "{told}");
+        assert_eq!(run(&["--quiet"]).0, ["skipped", "skipped"], "{name}");
+    }
+    // In place the input is gone, so that it cannot have changed; a half can.
+    let half = ["--half", "half.0001.exr", "--quiet"];
+    let in_place = ["shot.0001.exr", "shot.0001.exr", "--skip-existing"];
+    shot.expect(0, &[&in_place[..], &half].concat());
+    let once = shot.bytes("shot.0001.exr");
+    shot.expect(0, &[&in_place[..], &half].concat());
+    assert!(shot.bytes("shot.0001.exr") == once);
+    std::fs::copy(shot.path("hold.0001.exr"), shot.path("half.0001.exr")).unwrap();
+    let (_, told) = shot.expect(2, &[&in_place[..], &half].concat());
+    assert!(told.contains("a file of --half or --with has changed since"), "{told}");
+}
+
+/// What a copy that was broken off, a full disk or a scheduler's placeholder leaves counts as nothing.
+#[test]
+fn what_is_cut_off_or_no_picture_counts_as_not_done() {
+    let shot = Shot::new(&[1, 2, 3, 4, 5]);
+    let run =
+        ["shot.####.exr", "den.####.exr", "--skip-existing", "--sequence-report", "all.json", "--quiet"];
+    let results = || (1..=5).map(|frame| shot.bytes(&format!("den.{frame:04}.exr"))).collect::<Vec<_>>();
+    shot.expect(0, &run);
+    let whole = results();
+    for (n, cut) in [whole[0].len() - 1, whole[1].len() * 4 / 5, 100, 0].into_iter().enumerate() {
+        std::fs::write(shot.path(&format!("den.{:04}.exr", n + 1)), &whole[n][..cut]).unwrap();
+    }
+    shot.expect(0, &run);
+    let ended = [(1, "done"), (2, "done"), (3, "done"), (4, "done"), (5, "skipped")];
+    assert_eq!(shot.states("all.json"), states(&ended));
+    assert!(results() == whole);
+}
+
+#[test]
+fn progress_ends_at_a_hundred_whatever_becomes_of_the_frames() {
+    let shot = Shot::new(&[1, 2, 3]);
+    std::fs::write(shot.path("shot.0002.exr"), "no picture").unwrap();
+    let percent = |said: &str| -> Vec<u32> {
+        said.lines().filter_map(|line| line.strip_prefix("progress ")?.parse().ok()).collect()
+    };
+    let (said, _) = shot.expect(3, &["shot.####.exr", "den.####.exr", "--keep-going"]);
+    assert!(percent(&said).is_sorted() && percent(&said).last() == Some(&100), "{said}");
+    let skipped = ["shot.####.exr", "den.####.exr", "--frames", "1,3", "--skip-existing"];
+    assert_eq!(percent(&shot.expect(0, &skipped).0), [100]);
+    for (how, expected) in [("none", 0), ("bar", 0), ("lines", 1)] {
+        let (said, _) = shot.expect(0, &[&skipped[..], &["--progress", how]].concat());
+        assert_eq!(percent(&said).len(), expected, "{how}");
+    }
+}
+
+#[test]
+fn a_folder_that_looks_like_a_pattern_is_a_folder() {
+    let shot = Shot::new(&[1, 2]);
+    std::fs::create_dir(shot.path("take #1 %d")).unwrap();
+    shot.expect(0, &["shot.####.exr", "take #1 %d/den.####.exr", "--quiet"]);
+    shot.expect(0, &["take #1 %d/den.####.exr", "again.####.exr", "--quiet"]);
+    shot.expect(0, &["take #1 %d/den.0001.exr", "once.exr", "--quiet"]);
+    assert_eq!(shot.names("again"), ["again.0001.exr", "again.0002.exr"]);
+    assert_eq!(shot.names("take"), ["take #1 %d"]);
 }
 
 /// `apr-denoise f.*.exr`, unquoted, names a second render as the result.
@@ -322,7 +419,7 @@ fn skipping_holds_for_one_picture_and_in_place() {
     shot.expect(0, &one);
     assert_eq!(state(), "skipped");
     let (said, _) = shot.expect(0, &one[..3]);
-    assert_eq!(said, "den.exr: is there already, made by the same options\n");
+    assert_eq!(said, "progress 100\nden.exr: is there already, made by the same options\n");
     let (said, _) = shot.expect(0, &["shot.####.exr", "d.#.exr"]);
     assert!(said.contains("1 frame denoised in"), "{said}");
     let in_place = ["shot.####.exr", "shot.####.exr", "--skip-existing", "--quiet"];
@@ -483,10 +580,10 @@ fn inspection_tells_the_frames_and_reads_the_first() {
 #[test]
 fn a_folder_that_takes_nothing_is_told_before_the_work() {
     let shot = Shot::new(&[1, 2]);
-    let (_, complaint) = shot.expect(5, &["shot.####.exr", "no/such/den.####.exr"]);
+    let (_, complaint) = shot.expect(2, &["shot.####.exr", "no/such/den.####.exr"]);
     assert!(complaint.contains("den.0001.exr: cannot be written"), "{complaint}");
     std::fs::create_dir(shot.path("den.0002.exr")).unwrap();
-    let (_, complaint) = shot.expect(5, &["shot.####.exr", "den.####.exr"]);
+    let (_, complaint) = shot.expect(2, &["shot.####.exr", "den.####.exr"]);
     assert!(complaint.contains("den.0002.exr: is a folder"), "{complaint}");
     assert!(!shot.path("den.0001.exr").exists());
 }

@@ -8,13 +8,13 @@
 //! and says so, but nothing half-written is ever published.
 
 use std::fs::{self, File, Metadata, TryLockError};
-use std::hash::{BuildHasher, Hasher, RandomState};
+use std::hash::{BuildHasher, DefaultHasher, Hash, Hasher, RandomState};
 use std::io::{BufWriter, ErrorKind as Cause, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::attributes;
-use super::places::{folder, followed};
+use super::places::{folder, followed, is_descriptor};
 use crate::error::{Error, ErrorKind, Result};
 
 /// The ending of temporary files.
@@ -34,7 +34,7 @@ struct Temporary {
 }
 
 impl Temporary {
-    /// Makes `.NAME.PROCESS.CHANCE.apr-tmp` beside the target, which nobody had before, and locks it.
+    /// Makes `.STEM.PROCESS.CHANCE.apr-tmp` beside the target, which nobody had before, and locks it.
     fn beside(target: &Path) -> std::io::Result<Self> {
         /// More than one is needed only when somebody clears up at the same moment.
         const TRIES: usize = 16;
@@ -48,9 +48,9 @@ impl Temporary {
 
     /// None where the name is taken, or somebody who clears up has come between creation and lock.
     fn create(target: &Path) -> std::io::Result<Option<Self>> {
-        let name = target.file_name().unwrap_or_default().to_string_lossy();
+        let stem = stem(target);
         let chance = RandomState::new().build_hasher().finish(); // keys from the system's random numbers
-        let path = target.with_file_name(format!(".{name}.{}.{chance:016x}{ENDING}", std::process::id()));
+        let path = target.with_file_name(format!(".{stem}.{}.{chance:016x}{ENDING}", std::process::id()));
         // To be read as well: the attributes of a picture's header are put in order when it is whole.
         let mut exclusively = File::options();
         exclusively.read(true).write(true).create_new(true);
@@ -86,7 +86,7 @@ fn write_atomically(target: &Path, write: impl FnOnce(&mut BufWriter<&File>) -> 
     let old = replaced(target)?;
     let end = followed(target);
     remove_strays(&end);
-    let renamed = Temporary::beside(&end).map_err(|error| cannot_write(&error)).and_then(|temporary| {
+    let renamed = Temporary::beside(&end).map_err(|error| cannot_begin(&error)).and_then(|temporary| {
         // Before the first byte: what was private stays so at every moment.
         old.map_or(Ok(()), |old| keep_access(&temporary.file, &old)).map_err(|error| cannot_write(&error))?;
         fill(&temporary.file, write)?;
@@ -109,18 +109,19 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Checks that a file can be written at `target`, before the work that is to fill it.
 ///
 /// # Errors
-/// `Unwritable` when it is anything but a regular file or write-protected, or its folder is missing or takes no new file.
+/// `Usage` when it is anything but a regular file or write-protected, or its folder is missing or takes no new file;
+/// `Unwritable` when the disk is at fault.
 pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
     let target = target.as_ref();
     check_old(target)?;
     let created = Temporary::beside(&followed(target));
-    created.map(|_| ()).map_err(|error| cannot_write(&error).in_file(target))
+    created.map(|_| ()).map_err(|error| cannot_begin(&error).in_file(target))
 }
 
 /// The part of [`check_target`] that is about what is there already, and leaves no trace in the folder.
 ///
 /// # Errors
-/// `Unwritable` when it is anything but a regular file or write-protected.
+/// `Usage` when it is anything but a regular file or write-protected.
 pub fn check_old(target: impl AsRef<Path>) -> Result<()> {
     replaced(target.as_ref()).map(|_| ())
 }
@@ -128,12 +129,17 @@ pub fn check_old(target: impl AsRef<Path>) -> Result<()> {
 /// The file that a result replaces; none where there is none yet.
 ///
 /// # Errors
-/// `Unwritable` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it. And when
+/// `Usage` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it. And when
 /// it is protected, which a rename would not mind: it asks the folder alone.
 fn replaced(target: &Path) -> Result<Option<Metadata>> {
-    let refuse = |what: &str, remedy: &str| {
-        Err(Error::new(ErrorKind::Unwritable, what).remedy(remedy).in_file(target))
-    };
+    let refuse =
+        |what: &str, remedy: &str| Err(Error::new(ErrorKind::Usage, what).remedy(remedy).in_file(target));
+    if is_descriptor(target) {
+        return refuse(
+            "is an open file of a process: a result would replace what is behind it",
+            "name the file itself; a report goes to the standard output by the name -",
+        );
+    }
     match fs::metadata(target) {
         // Root may write to all files; what nobody else may write to is protected from it as well.
         Ok(old) if old.is_file() && (old.permissions().readonly() || is_forbidden(target)) => {
@@ -146,7 +152,10 @@ fn replaced(target: &Path) -> Result<Option<Metadata>> {
             "name a regular file: results are written beside it and renamed",
         ),
         Err(error) if error.kind() == Cause::NotFound => Ok(None),
-        Err(error) => Err(cannot_write(&error).in_file(target)),
+        Err(_) if followed(target).is_symlink() => {
+            refuse("is a link that leads to itself", "remove the link, or name the file itself")
+        }
+        Err(error) => Err(cannot_begin(&error).in_file(target)),
     }
 }
 
@@ -158,7 +167,15 @@ fn is_forbidden(path: &Path) -> bool {
 /// Lets those read and write `file` who may do so with the `old` one.
 #[cfg(unix)]
 fn keep_access(file: &File, old: &Metadata) -> std::io::Result<()> {
-    use std::os::unix::fs::PermissionsExt;
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
+    let own = file.metadata()?;
+    // As far as it is allowed: only root gives files away, others to groups that they are in.
+    if own.gid() != old.gid() {
+        let _ = fchown(file, None, Some(old.gid()));
+    }
+    if own.uid() != old.uid() {
+        let _ = fchown(file, Some(old.uid()), None);
+    }
     /// Reading, writing and executing; a new content has no claim to another user's rights (setuid).
     const ACCESS: u32 = 0o777;
     let bits = |metadata: &Metadata| metadata.permissions().mode() & ACCESS;
@@ -190,9 +207,23 @@ fn fill(file: &File, write: impl FnOnce(&mut BufWriter<&File>) -> Result<()>) ->
     buffered.flush().and_then(|()| file.sync_all()).map_err(|error| cannot_write(&error))
 }
 
+/// What temporary files of this target are called: its name, or the begin of a long one with a number that stands for all
+/// of it, because file systems take no more than 255 bytes.
+fn stem(target: &Path) -> String {
+    const MOST: usize = 160;
+    const KEPT: usize = 32;
+    let name = target.file_name().unwrap_or_default().to_string_lossy();
+    if name.len() <= MOST {
+        return name.into_owned();
+    }
+    let mut hash = DefaultHasher::new();
+    name.hash(&mut hash);
+    format!("{}~{:016x}", name.chars().take(KEPT).collect::<String>(), hash.finish())
+}
+
 /// Removes what killed runs for the same target left: temporary files that nobody holds locked.
 fn remove_strays(target: &Path) {
-    let start = format!(".{}.", target.file_name().unwrap_or_default().to_string_lossy());
+    let start = format!(".{}.", stem(target));
     for entry in fs::read_dir(folder(target)).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
         let writer = name.strip_prefix(&start).and_then(|rest| rest.strip_suffix(ENDING));
@@ -228,9 +259,20 @@ pub(super) fn write_picture_atomically(
     })
 }
 
+/// The error of a file that cannot be made: by what no further try cures, or by the disk.
+fn cannot_begin(error: &std::io::Error) -> Error {
+    let remedy = match error.kind() {
+        Cause::NotFound | Cause::NotADirectory => "make its folder, or name one that is there",
+        Cause::PermissionDenied | Cause::ReadOnlyFilesystem => "name a folder that may be written to",
+        Cause::InvalidFilename => "give it a shorter name",
+        _ => return cannot_write(error),
+    };
+    Error::new(ErrorKind::Usage, format!("cannot be written: {error}")).remedy(remedy)
+}
+
 fn cannot_write(error: &std::io::Error) -> Error {
     Error::new(ErrorKind::Unwritable, format!("cannot be written: {error}"))
-        .remedy("check that the folder exists, may be written to, and has room")
+        .remedy("check that the disk has room and that its server answers")
 }
 
 #[cfg(test)]
@@ -329,7 +371,7 @@ mod tests {
         for target in [&*socket, Path::new("/dev/null")] {
             for refused in [check_target(target), write_bytes(target, b"new")] {
                 let error = refused.unwrap_err();
-                assert_eq!(error.kind(), ErrorKind::Unwritable);
+                assert_eq!(error.kind(), ErrorKind::Usage);
                 assert!(error.to_string().contains("a device or a pipe"), "{error}");
             }
         }
@@ -337,9 +379,59 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_folder_is_told_with_the_file() {
-        let error = write_atomically(Path::new("/nonexistent/a.exr"), |_| Ok(())).unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::Unwritable);
-        assert!(error.to_string().starts_with("/nonexistent/a.exr: cannot be written"), "{error}");
+    fn what_no_further_try_cures_is_told_by_its_cause() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = folder.path().join("n".repeat(256));
+        for (target, words) in
+            [(Path::new("/nonexistent/a.exr"), "make its folder"), (&long, "a shorter name")]
+        {
+            let error = write_atomically(target, |_| Ok(())).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Usage);
+            let told = format!("{}: cannot be written", target.display());
+            assert!(error.to_string().starts_with(&told) && error.to_string().contains(words), "{error}");
+        }
+    }
+
+    #[test]
+    fn long_names_are_written_and_cleared_up_like_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let long = |end: &str| folder.path().join("n".repeat(234) + end);
+        assert_ne!(stem(&long("a")), stem(&long("b")));
+        let stray = folder.path().join(format!(".{}.1.0f{ENDING}", stem(&long("a"))));
+        fs::write(&stray, "").unwrap();
+        write_bytes(long("b"), b"b").unwrap();
+        assert!(stray.exists());
+        write_bytes(long("a"), b"a").unwrap();
+        assert_eq!(names(folder.path()).len(), 2);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_group_is_kept() {
+        use std::os::unix::fs::{MetadataExt, chown};
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("out.exr");
+        fs::write(&target, "old").unwrap();
+        let other = fs::metadata(&target).unwrap().gid() + 1;
+        if chown(&target, None, Some(other)).is_err() {
+            return; // only root is in every group
+        }
+        write_bytes(&target, b"new").unwrap();
+        assert_eq!(fs::metadata(&target).unwrap().gid(), other);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn what_leads_through_a_descriptor_or_in_a_circle_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let [log, circle] = ["log", "circle"].map(|name| folder.path().join(name));
+        std::os::unix::fs::symlink("circle", &circle).unwrap();
+        assert!(write_bytes(&circle, b"new").unwrap_err().to_string().contains("leads to itself"));
+        let open = File::create(&log).unwrap();
+        let descriptor = format!("/dev/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&open));
+        let error = write_bytes(descriptor, b"new").unwrap_err();
+        assert_eq!(error.kind(), ErrorKind::Usage);
+        assert!(error.to_string().contains("is an open file of a process"), "{error}");
+        assert_eq!(fs::read(&log).unwrap(), b"");
     }
 }

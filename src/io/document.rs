@@ -16,7 +16,7 @@ use exr::block::{BlockIndex, UncompressedBlock};
 use exr::io::PeekRead;
 use exr::meta::attribute::{IntegerBounds, LineOrder};
 use exr::meta::header::Header;
-use exr::meta::{BlockDescription, MetaData, OffsetTables};
+use exr::meta::{BlockDescription, Headers, MetaData, OffsetTables};
 use exr::prelude::Vec2;
 use rayon::prelude::*;
 
@@ -58,13 +58,7 @@ impl Document {
         let file = File::open(path).map_err(|error| io_error(&error))?;
         let length = file.metadata().map_err(|error| io_error(&error))?.len();
         let mut reader = BufReader::new(file);
-        let mut meta = match MetaData::read_from_buffered(&mut reader, true) {
-            Ok(meta) => meta,
-            Err(strict) => {
-                reader.rewind().map_err(|error| io_error(&error))?;
-                MetaData::read_from_buffered(&mut reader, false).map_err(|_| exr_error(&strict))?
-            }
-        };
+        let mut meta = read_meta(&mut reader)?;
         limits::check(&meta.headers, length)?;
         MetaData::validate(&meta.headers, false).map_err(|error| exr_error(&error))?;
         let offsets = MetaData::read_offset_tables(&mut PeekRead::new(&mut reader), &meta.headers)
@@ -210,11 +204,7 @@ impl Document {
     /// # Errors
     /// `Unreadable` when the file cannot be read.
     pub(super) fn fingerprint(&self) -> Result<u64> {
-        let unreadable = |error: std::io::Error| io_error(&error).in_file(&self.path);
-        let first = self.offsets.iter().flatten().min().copied().unwrap_or(0);
-        let mut head = Vec::new();
-        let file = File::open(&self.path).map_err(unreadable)?;
-        file.take(first).read_to_end(&mut head).map_err(unreadable)?;
+        let (head, _) = self.head().map_err(|error| io_error(&error).in_file(&self.path))?;
         let mut reader = Reader::default();
         for (part, offsets) in self.offsets.iter().enumerate() {
             for index in 0..offsets.len() {
@@ -225,6 +215,57 @@ impl Document {
             }
         }
         Ok(whole(&self.seen).values().copied().fold(fold(&head), mixed))
+    }
+
+    /// The same without reading much: of the headers, the table of blocks, which tells how far each shrank, and
+    /// samples. Another render has another number; few pixels that change may be missed where blocks are not
+    /// compressed.
+    ///
+    /// # Errors
+    /// As [`Self::fingerprint`].
+    pub(super) fn outline(&self) -> Result<u64> {
+        self.outlined().map_err(|error| io_error(&error).in_file(&self.path))
+    }
+
+    fn outlined(&self) -> std::io::Result<u64> {
+        /// `[choice]` a sequence of a thousand frames is looked at in the time of reading one.
+        const SAMPLES: u64 = 64;
+        const SAMPLE_BYTES: usize = 4096;
+        /// Multiples of the golden ratio spread evenly, and fall in step with no row or channel.
+        const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+        let (head, mut file) = self.head()?;
+        let (first, length) = (head.len() as u64, file.metadata()?.len());
+        let mut sample = Vec::with_capacity(SAMPLE_BYTES);
+        let mut hash = mixed(fold(&head), length);
+        for n in 0..SAMPLES {
+            let share = u128::from(n.wrapping_mul(GOLDEN)) * u128::from(length.saturating_sub(first));
+            file.seek(SeekFrom::Start(first + (share >> u64::BITS) as u64))?;
+            sample.clear();
+            file.by_ref().take(SAMPLE_BYTES as u64).read_to_end(&mut sample)?;
+            hash = mixed(hash, fold(&sample));
+        }
+        Ok(hash)
+    }
+
+    /// What stands before the first block, and the file.
+    fn head(&self) -> std::io::Result<(Vec<u8>, File)> {
+        let first = self.offsets.iter().flatten().min().copied().unwrap_or(0);
+        let mut head = Vec::new();
+        let mut file = File::open(&self.path)?;
+        file.by_ref().take(first).read_to_end(&mut head)?;
+        Ok((head, file))
+    }
+
+    /// Whether the file holds all its blocks, as far as their table and the last of them tell.
+    pub(super) fn is_whole(&self) -> bool {
+        let part = |(part, offsets): (usize, &Vec<u64>)| {
+            let blocks = offsets.iter().enumerate();
+            blocks.map(|(index, offset)| (*offset, part, index)).collect::<Vec<_>>()
+        };
+        let blocks: Vec<_> = self.offsets.iter().enumerate().flat_map(part).collect();
+        let last = blocks.iter().max();
+        blocks.iter().all(|(offset, ..)| *offset > 0)
+            && last.is_some_and(|&(_, part, index)| Reader::default().chunk(self, part, index).is_ok())
     }
 
     /// Names the file, and the part where there are several.
@@ -271,7 +312,10 @@ impl Document {
         if let Some(packed) = packed.filter(|_| Zip::is_for(header)) {
             block.data.resize(bytes, 0);
             let whole = match shrunk {
-                None => Some(block.data.copy_from_slice(packed)),
+                None => {
+                    block.data.copy_from_slice(packed);
+                    Some(())
+                }
                 Some(packed) => zip.decompress(packed, &mut block.data),
             };
             if whole.is_some() {
@@ -289,6 +333,36 @@ impl Document {
         }
         *block = UncompressedBlock::decompress_chunk(chunk, &self.meta, false).map_err(|e| exr_error(&e))?;
         Ok(())
+    }
+}
+
+/// The headers of the file at `path`, which may be cut off behind them.
+///
+/// # Errors
+/// `Unreadable` when it is missing or has none.
+pub(super) fn headers_of(path: &Path) -> Result<Headers> {
+    let headers = || {
+        let file = File::open(path).map_err(|error| io_error(&error))?;
+        read_meta(&mut BufReader::new(file)).map(|meta| meta.headers)
+    };
+    guarded(headers).map_err(|error| error.in_file(path))
+}
+
+/// Whether the EXR file at `path` ends before its headers do: not one pixel is in it.
+pub(super) fn ends_in_headers(path: &Path) -> bool {
+    const MISSING: &str = "reference to missing bytes"; // what the decoder makes of a file's end
+    let Ok(file) = File::open(path) else { return false };
+    let read = catch_unwind(AssertUnwindSafe(|| MetaData::read_from_buffered(BufReader::new(file), false)));
+    matches!(read, Ok(Err(exr::error::Error::Invalid(what))) if what == MISSING)
+}
+
+fn read_meta(reader: &mut BufReader<File>) -> Result<MetaData> {
+    match MetaData::read_from_buffered(&mut *reader, true) {
+        Ok(meta) => Ok(meta),
+        Err(strict) => {
+            reader.rewind().map_err(|error| io_error(&error))?;
+            MetaData::read_from_buffered(reader, false).map_err(|_| exr_error(&strict))
+        }
     }
 }
 

@@ -141,7 +141,8 @@ fn check_cover(pieces: &[Piece], picture: [i64; 4]) -> Result<()> {
         x.start < columns.start || x.end > columns.end || y.start < rows.start || y.end > rows.end
     }) {
         let what = format!("its region {} is not inside the picture {}", text(piece.region), text(picture));
-        return Err(Error::new(ErrorKind::Unreadable, what).in_file(piece.document.path()));
+        let error = Error::new(ErrorKind::Unreadable, what).remedy("denoise the region again");
+        return Err(error.in_file(piece.document.path()));
     }
     let area = |[_, _, width, height]: [i64; 4]| width * height;
     let (covered, all) = (pieces.iter().map(|piece| area(piece.region)).sum::<i64>(), area(picture));
@@ -149,7 +150,8 @@ fn check_cover(pieces: &[Piece], picture: [i64; 4]) -> Result<()> {
         let hole = first_hole(pieces, picture);
         let what = format!("{} pixels of the picture {} are in no region", all - covered, text(picture));
         let at = hole.map_or_else(String::new, |(x, y)| format!(", the first at {x},{y}"));
-        return Err(Error::new(ErrorKind::Lacking, what + &at).remedy("give all regions' files"));
+        let error = Error::new(ErrorKind::Lacking, what + &at).remedy("give all regions' files");
+        return Err(error.in_file(pieces[0].document.path()));
     }
     Ok(())
 }

@@ -66,6 +66,6 @@ pub use merge::merge;
 pub use own::{FrameHeader, write_frame, write_plane};
 pub use picture::{Picture, ReadOptions};
 pub use places::{RunFile, check_apart, check_ending, check_ending_of, is_same_file};
-pub use provenance::{Provenance, is_exr, provenance};
+pub use provenance::{Provenance, fingerprints, is_exr, provenance};
 pub use sums::{Deviation, SumCheck};
 pub use survey::Survey;

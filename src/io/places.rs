@@ -80,14 +80,25 @@ fn place(path: &Path) -> PathBuf {
 
 /// What symbolic links make of `path`, also where the last one leads to no file yet.
 pub(super) fn followed(path: &Path) -> PathBuf {
+    steps(path).last().unwrap_or_default()
+}
+
+/// Whether `path` leads through an open descriptor (`/dev/stdout`, `/dev/fd/3`): what is behind it has been opened by
+/// somebody, who would not see the file that replaces it.
+pub(super) fn is_descriptor(path: &Path) -> bool {
+    const FOLDERS: [&str; 2] = ["/proc", "/dev/fd"];
+    steps(path).any(|step| {
+        let folder = fs::canonicalize(folder(&step));
+        folder.is_ok_and(|folder| FOLDERS.iter().any(|known| folder.starts_with(known)))
+    })
+}
+
+/// The paths that symbolic links lead to, `path` itself first.
+fn steps(path: &Path) -> impl Iterator<Item = PathBuf> {
     /// As many as Linux follows; a circle of links stays one, and opening it fails.
     const MOST_LINKS: usize = 40;
-    let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
-        let Ok(next) = fs::read_link(&path) else { break };
-        path = folder(&path).join(next);
-    }
-    path
+    let next = |path: &PathBuf| Some(folder(path).join(fs::read_link(path).ok()?));
+    std::iter::successors(Some(path.to_owned()), next).take(1 + MOST_LINKS)
 }
 
 /// The folder that `path` is in.
@@ -131,5 +142,8 @@ mod tests {
         fs::write(&file, "").unwrap();
         assert!(is_same_file(&far, &file) && !is_same_file(&file, &circle));
         assert_eq!(followed(&far), file);
+        assert!(followed(&circle).is_symlink() && !is_descriptor(&far));
+        std::os::unix::fs::symlink("/dev/stdout", folder.path().join("out")).unwrap();
+        assert!(!cfg!(target_os = "linux") || is_descriptor(&folder.path().join("out")));
     }
 }

@@ -4,9 +4,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-use super::document::Document;
+use super::document::{Document, ends_in_headers, headers_of};
+use super::picture::ReadOptions;
 use super::region::Mark;
 use super::rewrite::signature_in;
+use super::source::open_all;
 use crate::error::Result;
 
 /// How a file was made, as far as it tells.
@@ -19,26 +21,42 @@ pub struct Provenance {
     pub region: Option<[i64; 4]>,
     /// The names of its channels, part by part.
     pub channels: Vec<String>,
+    /// Whether nothing of it is cut off, as far as its table of blocks and the last of them tell.
+    pub whole: bool,
 }
 
-/// Whether the file at `path` says of itself that it is OpenEXR, whatever else is in it.
+/// Whether the file at `path` says of itself that it is OpenEXR, and does not end before there can be a pixel in it.
 pub fn is_exr(path: impl AsRef<Path>) -> bool {
     const BEGIN: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
     let mut begin = [0; BEGIN.len()];
-    File::open(path).and_then(|mut file| file.read_exact(&mut begin)).is_ok() && begin == BEGIN
+    let path = path.as_ref();
+    let mut open = || File::open(path).and_then(|mut file| file.read_exact(&mut begin));
+    let begun = path.is_file() && open().is_ok(); // a pipe would keep us waiting
+    begun && begin == BEGIN && !ends_in_headers(path)
 }
 
-/// How the result at `path` was made. Reads no pixels.
+/// How the result at `path` was made, which may be cut off behind its headers. Reads one block at most.
 ///
 /// # Errors
 /// `Unreadable` when it is missing or no EXR file.
 pub fn provenance(path: impl AsRef<Path>) -> Result<Provenance> {
-    let document = Document::open(path.as_ref())?;
-    let headers = document.headers();
+    let headers = &headers_of(path.as_ref())?;
     let channels = headers.iter().flat_map(|header| &header.channels.list);
     Ok(Provenance {
         signature: signature_in(headers),
         region: headers.iter().find_map(Mark::of).map(|mark| mark.region),
         channels: channels.map(|channel| channel.name.to_string()).collect(),
+        whole: Document::open(path.as_ref()).is_ok_and(|document| document.is_whole()),
     })
+}
+
+/// Numbers that stand for the content of all files that [`Picture::read`](super::Picture::read) takes for the picture at
+/// `path`, its own first: those of another render differ. Little of the files is read.
+///
+/// # Errors
+/// `Unreadable` when one of them is missing or damaged.
+pub fn fingerprints(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Vec<String>> {
+    let files = std::iter::once(path.as_ref()).chain(options.half.as_deref());
+    let documents = files.map(|path| open_all(path, options)).collect::<Result<Vec<_>>>()?;
+    documents.iter().flatten().map(|document| Ok(format!("{:016x}", document.outline()?))).collect()
 }

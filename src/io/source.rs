@@ -326,7 +326,7 @@ fn wanted(color: &Candidate, candidates: &[Candidate], components: &Asked) -> BT
 }
 
 /// Opens the file, those given beside it, and those that lie beside it under the renderer's names.
-fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
+pub(super) fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Document>> {
     let mut documents = vec![Document::open(path)?];
     for further in &options.with {
         documents.push(Document::open(further)?);

@@ -286,7 +286,8 @@ impl Survey {
     /// `Lacking` when both halves are the same render.
     fn complete(&mut self, frame: &Frame, seen: &Seen) -> Result<()> {
         let half = self.half.as_ref().map_or(Path::new(""), |half| half.documents[0].path());
-        seen.twins.check().map_err(|error| error.in_file(half))?;
+        let strange = seen.twins.check().map_err(|error| error.in_file(half))?;
+        self.layout.warnings.extend(strange.map(|words| format!("{}: {words}", half.display())));
         self.layout.warnings.extend(seen.noise.warning());
         self.layout.complete(frame);
         for (sum, differences) in self.main.sums.iter().zip(&seen.differences) {

@@ -12,6 +12,7 @@ use crate::budget::MemoryBound;
 use crate::frames::FrameSet;
 use crate::parts::Region;
 use crate::plan::Job;
+use crate::progress::Style;
 
 /// Denoise a Monte Carlo render.
 ///
@@ -24,6 +25,7 @@ use crate::plan::Job;
 #[derive(Debug, Parser)]
 #[command(name = "apr-denoise", version, after_help = EXIT_CODES)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(args_override_self = true)] // scripts give options before those of their users
 #[expect(rustdoc::invalid_html_tags, reason = "help for people, not for rustdoc")]
 pub struct CommandLine {
     #[command(subcommand)]
@@ -52,6 +54,9 @@ pub enum Command {
     },
 }
 
+/// As the name of a report: it is printed.
+pub const STANDARD_OUTPUT: &str = "-";
+
 /// Denoise one picture or a sequence.
 #[derive(Debug, Args)]
 pub struct Arguments {
@@ -71,15 +76,17 @@ pub struct Arguments {
     /// With --inspect: print JSON.
     #[arg(long, requires = "inspect")]
     pub json: bool,
-    /// Write a report of the run; of a sequence one for each frame: 'report.####.json'.
+    /// Write a report of the run; of a sequence one for each frame: 'report.####.json'. The name - has it printed, and
+    /// nothing else beside it. Replaces an earlier report, but no other file (see --overwrite).
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
-    /// Do nothing where all that is to be written is there already, which is never half-written. The result must
-    /// have been made by the same options and version, of the same region, else the run stops before any work.
+    /// Do nothing where all that is to be written is there already and whole, of inputs that have not changed since
+    /// (told by their headers, lengths and samples). The result must have been made by the same options and version, of the
+    /// same region, else the run stops before any work, or does it again with --overwrite.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
-    /// Replace pictures that this program did not write, too; and denoise those again, in their own place, that it has
-    /// denoised already.
+    /// Replace files that this program did not write, too; and denoise those pictures again, in their own place, that it
+    /// has denoised already. With --skip-existing: do again what was made by other options.
     #[arg(long)]
     pub overwrite: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
@@ -93,10 +100,14 @@ pub struct Arguments {
     /// estimated, and end with 10 where there are any. The result is written all the same.
     #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
-    /// Print nothing but errors: no answer, no warnings and notes, and no progress, which is a bar on a terminal and
-    /// otherwise lines `progress NN` (per cent) on the standard output, one a second at most and `progress 100` at the end.
+    /// Print nothing but errors: no answer, no warnings and notes, and no progress.
     #[arg(long, short)]
     pub quiet: bool,
+    /// How to tell the progress: by a bar, which only a terminal shows (the standard error), or by lines `progress NN`
+    /// (per cent) on the standard output, one a second at most and `progress 100` at the end; auto is the bar where there
+    /// is a terminal, else the lines.
+    #[arg(long, value_name = "HOW", value_enum, default_value_t = Style::Auto)]
+    pub progress: Style,
     /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The result does
     /// not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -137,7 +148,7 @@ pub struct Arguments {
         help_heading = "Sequences"
     )]
     pub temporal: u8,
-    /// Write one report for all frames, also of a run that is told to stop.
+    /// Write one report for all frames, also of a run that is told to stop. One that stops before any work writes none.
     #[arg(long, value_name = "FILE.json", help_heading = "Sequences")]
     pub sequence_report: Option<PathBuf>,
 
@@ -199,18 +210,24 @@ pub enum Missing {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense, a picture would be lost, --memory is too little
+  2    usage: an option or argument makes no sense, a result cannot go where it is to go (there is no such folder,
+       it is a folder or write-protected), a file would be lost, --memory is too little
   3    an input is missing, damaged, or uses a feature that is not supported
   4    the input lacks what is needed: no colour, sizes that differ, regions that do not fit together; or it is
        denoised already, in its own place
-  5    the result cannot be written
+  5    the result cannot be written: the disk is full, or its server is away
   10   done, but the estimated error is above --target-error
   70   a defect of this program
   129  hung up (SIGHUP)
   130  interrupted (SIGINT)
-  143  told to stop (SIGTERM)";
+  143  told to stop (SIGTERM): ended by the signal, as shells tell it";
 
 impl Arguments {
+    /// Whether the standard output is for people: nobody wants silence, nor a report there.
+    pub fn answers(&self) -> bool {
+        !self.quiet && self.report.as_deref().is_none_or(|path| path != STANDARD_OUTPUT)
+    }
+
     /// How to understand the input of `job`.
     pub fn read_options(&self, job: &Job) -> ReadOptions {
         ReadOptions {

@@ -17,9 +17,9 @@ impl FrameSet {
         self.0.iter().copied()
     }
 
-    /// In words, that all these share what is said of one of them; nothing where there are none.
+    /// In words, that all these share what is said of one of them; nothing where there are no others.
     pub fn among_others(&self) -> String {
-        if self.is_empty() { String::new() } else { format!(" (and so for frames {self})") }
+        if self.0.len() < 2 { String::new() } else { format!(" (and so for frames {self})") }
     }
 
     /// Whether there is none.

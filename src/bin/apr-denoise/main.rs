@@ -9,6 +9,7 @@ mod failure;
 mod frames;
 mod generate;
 mod inspect;
+mod made_of;
 mod parts;
 mod pattern;
 mod plan;
@@ -34,6 +35,7 @@ use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
 use frames::counted;
+use pattern::Pattern;
 use plan::Plan;
 
 /// Large pages, and blocks that begin at whole cache lines: fits take 0.9 of the time that they take with glibc's.
@@ -45,6 +47,9 @@ const OPTIONS: generate::Page = ("options", "the options of --set (Markdown)", r
 
 /// Done, but the estimated error is above the target.
 const TARGET_NOT_MET: u8 = 10;
+
+/// The command, as it is given.
+const MERGE: &str = "merge";
 
 fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
@@ -59,6 +64,8 @@ fn main() -> ExitCode {
 }
 
 fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Result<ExitCode> {
+    let not_there = regions.iter().map(PathBuf::as_path).filter(|path| !path.exists());
+    not_there.chain([output]).try_for_each(check_no_pattern)?;
     let read = regions.iter().map(|path| RunFile { role: "a region", path });
     io::check_apart(read, [RunFile { role: "the picture", path: output }])
         .map_err(|error| error.remedy("give the picture a name of its own"))?;
@@ -78,7 +85,21 @@ fn merge(output: &Path, regions: &[PathBuf], overwrite: bool, quiet: bool) -> Re
     Ok(ExitCode::SUCCESS)
 }
 
+/// Checks that a file of `merge`, which makes one picture, is not named as those of a sequence are.
+fn check_no_pattern(path: &Path) -> Result<()> {
+    let Some(_) = Pattern::parse(path) else { return Ok(()) };
+    let what = "has a place for the frame's number, and one picture is merged";
+    let remedy =
+        "merge frame by frame, as in `apr-denoise merge whole.0001.exr top.0001.exr bottom.0001.exr`";
+    Err(Error::new(ErrorKind::Usage, what).remedy(remedy).in_file(path))
+}
+
 fn denoise(arguments: &Arguments) -> Result<ExitCode> {
+    if arguments.input == Path::new(MERGE) && !arguments.input.exists() {
+        return Err(Error::new(ErrorKind::Usage, "options stand before the command `merge`").remedy(
+            "write `apr-denoise merge OUTPUT REGIONS…` with its options behind: --overwrite and --quiet",
+        ));
+    }
     threads::start(arguments.threads)?;
     if let Some(third) = arguments.further.first() {
         let what = "is a third name where an input and a result were expected";

@@ -1,15 +1,25 @@
 //! Names of files that hold a frame's number: `shot.####.exr`, `shot.%04d.exr`, `shot.$F4.exr`,
 //! `shot.<frame4>.exr`.
 
+use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};
 
 use crate::frames::FrameSet;
 
 /// A path with places for the frame's number, in its name or its folders.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Pattern(Vec<Vec<Piece>>);
+pub struct Pattern(Vec<Name>);
 
-/// What a folder's or file's name is put together from.
+/// A folder's or file's name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Name {
+    /// As it is, in whatever letters.
+    Literal(OsString),
+    /// Put together from these, with a place for the number.
+    Numbered(Vec<Piece>),
+}
+
+/// What a name with a number is put together from.
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Piece {
     Text(String),
@@ -18,38 +28,40 @@ enum Piece {
 }
 
 impl Pattern {
-    /// The pattern in `path`, if it has a place for a number.
+    /// The pattern in `path`, if it has a place for a number. A folder that is there under that very name is that
+    /// folder.
     pub fn parse(path: &Path) -> Option<Self> {
-        let component = |component: Component| match component {
-            Component::Normal(name) => Some(pieces(name.to_str()?)),
-            other => Some(vec![Piece::Text(other.as_os_str().to_str()?.to_owned())]),
-        };
-        let components = path.components().map(component).collect::<Option<Vec<_>>>()?;
-        let numbered = components.iter().flatten().any(|piece| matches!(piece, Piece::Frame(_)));
-        numbered.then_some(Self(components))
+        let mut components = path.components().peekable();
+        let (mut names, mut so_far) = (Vec::new(), PathBuf::new());
+        while let Some(component) = components.next() {
+            so_far.push(component);
+            let is_last = components.peek().is_none();
+            let name = component.as_os_str();
+            let numbered =
+                matches!(component, Component::Normal(_)).then(|| pieces(name.to_str()?)).flatten();
+            names.push(match numbered.filter(|_| is_last || !so_far.is_dir()) {
+                Some(pieces) => Name::Numbered(pieces),
+                None => Name::Literal(name.to_owned()),
+            });
+        }
+        names.iter().any(|name| matches!(name, Name::Numbered(_))).then_some(Self(names))
     }
 
     /// The path of one frame.
     pub fn path(&self, frame: i32) -> PathBuf {
-        self.0.iter().map(|name| render(name, frame)).collect()
+        self.0.iter().map(|name| name.of(frame)).collect()
     }
 
     /// The same with the padding that most files have, as it would be written, and the frames of those.
     pub fn other_padding(&self) -> Option<(PathBuf, FrameSet)> {
         const MOST: usize = 9;
-        let padded = |width| Self(self.0.iter().map(|name| with_width(name, width)).collect());
-        let frames = |width| (self.written(width), padded(width).frames_on_disk());
+        let with = |width, place: fn(usize) -> Piece| {
+            Self(self.0.iter().map(|name| name.with(place(width))).collect())
+        };
+        let written = |width| with(width, |width| Piece::Text("#".repeat(width))).path(0);
+        let frames = |width| (written(width), with(width, Piece::Frame).frames_on_disk());
         let found = (1..=MOST).map(frames).filter(|(_, frames)| !frames.is_empty());
         found.max_by_key(|(_, frames)| frames.iter().count())
-    }
-
-    /// With so many # for the number.
-    fn written(&self, width: usize) -> PathBuf {
-        let text = |piece: &Piece| match piece {
-            Piece::Text(text) => text.clone(),
-            Piece::Frame(_) => "#".repeat(width),
-        };
-        self.0.iter().map(|name| name.iter().map(text).collect::<String>()).collect()
     }
 
     /// The frames that have a file.
@@ -60,20 +72,40 @@ impl Pattern {
     }
 }
 
+impl Name {
+    fn of(&self, frame: i32) -> OsString {
+        match self {
+            Self::Literal(name) => name.clone(),
+            Self::Numbered(pieces) => render(pieces, frame).into(),
+        }
+    }
+
+    /// The same with `place` for the number.
+    fn with(&self, place: Piece) -> Self {
+        let put = |piece: &Piece| match piece {
+            Piece::Frame(_) => place.clone(),
+            text => text.clone(),
+        };
+        match self {
+            Self::Literal(name) => Self::Literal(name.clone()),
+            Self::Numbered(pieces) => Self::Numbered(pieces.iter().map(put).collect()),
+        }
+    }
+}
+
 /// Follows the names below `folder`; the first that holds a number decides the frame.
-fn walk(folder: PathBuf, names: &[Vec<Piece>], frame: Option<i32>, found: &mut Vec<i32>) {
+fn walk(folder: PathBuf, names: &[Name], frame: Option<i32>, found: &mut Vec<i32>) {
     let Some((name, deeper)) = names.split_first() else {
         found.extend(frame.filter(|_| folder.is_file()));
         return;
     };
-    let numbered = name.iter().any(|piece| matches!(piece, Piece::Frame(_)));
-    if frame.is_some() || !numbered {
-        return walk(folder.join(render(name, frame.unwrap_or(0))), deeper, frame, found);
-    }
+    let (Name::Numbered(pieces), None) = (name, frame) else {
+        return walk(folder.join(name.of(frame.unwrap_or(0))), deeper, frame, found);
+    };
     let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
     for entry in std::fs::read_dir(listed).into_iter().flatten().flatten() {
         let entry = entry.file_name();
-        if let Some(frame) = entry.to_str().and_then(|entry| frame_in(entry, name)) {
+        if let Some(frame) = entry.to_str().and_then(|entry| frame_in(entry, pieces)) {
             walk(folder.join(&entry), deeper, Some(frame), found);
         }
     }
@@ -97,16 +129,8 @@ fn render(pieces: &[Piece], frame: i32) -> String {
     pieces.iter().map(text).collect()
 }
 
-fn with_width(name: &[Piece], width: usize) -> Vec<Piece> {
-    let wide = |piece: &Piece| match piece {
-        Piece::Frame(_) => Piece::Frame(width),
-        text => text.clone(),
-    };
-    name.iter().map(wide).collect()
-}
-
-/// A name taken apart.
-fn pieces(name: &str) -> Vec<Piece> {
+/// A name taken apart; none where it has no place for a number.
+fn pieces(name: &str) -> Option<Vec<Piece>> {
     let mut pieces = Vec::new();
     let mut text = String::new();
     let mut rest = name;
@@ -125,7 +149,7 @@ fn pieces(name: &str) -> Vec<Piece> {
     if !text.is_empty() {
         pieces.push(Piece::Text(text));
     }
-    pieces
+    pieces.iter().any(|piece| matches!(piece, Piece::Frame(_))).then_some(pieces)
 }
 
 /// Width and length of the number's place that `text` begins with.
@@ -238,6 +262,31 @@ mod tests {
         assert_eq!(other("a.######.exr").unwrap(), "a.####.exr -2,1,3,12345");
     }
 
+    #[test]
+    fn a_folder_that_is_there_under_that_very_name_is_that_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let shot = folder.path().join("take #1 @@/%d");
+        std::fs::create_dir_all(&shot).unwrap();
+        for name in ["a.0001.exr", "a.0003.exr"] {
+            std::fs::write(shot.join(name), "").unwrap();
+        }
+        let pattern = Pattern::parse(&shot.join("a.####.exr")).unwrap();
+        assert_eq!(pattern.path(3), shot.join("a.0003.exr"));
+        assert_eq!(pattern.frames_on_disk().to_string(), "1,3");
+        assert_eq!(Pattern::parse(&shot.join("a.exr")), None);
+        let (name, _) = Pattern::parse(&shot.join("a.##.exr")).unwrap().other_padding().unwrap();
+        assert_eq!(name, shot.join("a.####.exr"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn folders_may_have_names_in_any_letters() {
+        use std::os::unix::ffi::OsStringExt;
+        let folder = Path::new("/a").join(OsString::from_vec(vec![b'f', 0xff]));
+        let pattern = Pattern::parse(&folder.join("b.##.exr")).unwrap();
+        assert_eq!(pattern.path(7), folder.join("b.07.exr"));
+    }
+
     proptest! {
         #[test]
         fn a_name_that_was_made_is_recognised(
@@ -249,8 +298,8 @@ mod tests {
 
         #[test]
         fn nothing_makes_it_panic(text in "[a#@%$F<>frame0-9é]{0,12}") {
-            let rendered = pieces(&text);
-            prop_assert!(render(&rendered, 3).len() < 1000);
+            let rendered = pieces(&text).map(|pieces| render(&pieces, 3));
+            prop_assert!(rendered.is_none_or(|name| name.len() < 1000));
         }
     }
 }

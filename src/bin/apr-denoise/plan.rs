@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
-use crate::arguments::{Arguments, Missing};
+use crate::arguments::{Arguments, Missing, STANDARD_OUTPUT};
 use crate::frames::{FrameSet, counted};
+use crate::made_of::Fingerprints;
 use crate::parts::Region;
 use crate::pattern::Pattern;
+use crate::signature::Difference;
 use crate::{replaced, signature};
 
 /// The files of one frame.
@@ -34,6 +36,8 @@ pub struct Plan {
     pub finished: Vec<Job>,
     /// Those that have no input, each with the file that is not there.
     pub missing: Vec<(Job, PathBuf)>,
+    /// Of those to denoise, the ones whose result is there and was made of what has changed since.
+    stale: Vec<Job>,
     names: Names,
 }
 
@@ -165,12 +169,6 @@ impl Plan {
         side(-1).chain(side(1)).collect()
     }
 
-    /// How many frames are there for `job` in a run that looks at `reach` of them on both sides.
-    fn count_beside(&self, job: &Job, reach: u8) -> [usize; 2] {
-        let is_there = |sign: i32| move |offset: &i32| self.beside(job, sign * offset).is_some();
-        [-1, 1].map(|sign| (1..=i32::from(reach)).take_while(is_there(sign)).count())
-    }
-
     fn take_out_missing(&mut self, policy: Missing) -> Result<()> {
         let mut there = Vec::new();
         for job in std::mem::take(&mut self.jobs) {
@@ -207,12 +205,12 @@ impl Plan {
     }
 
     /// Checks that every result has a place of its own, and sets those apart that are there already
-    /// when `skip_existing`: they must have been made by the settings of `signature`. Those beside which
-    /// frames have come or gone since are done again.
+    /// when `skip_existing`: they must have been made by the settings of `signature`. Those whose inputs have changed
+    /// since, or beside which frames have come or gone, are done again.
     ///
     /// # Errors
     /// `Usage` when results would overwrite each other, an input that is still needed or a picture that this program
-    /// did not write, or were made by other settings; `Unwritable` when a folder takes no file.
+    /// did not write, or were made by other settings, or a folder takes no file; `Unwritable` when the disk is at fault.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;
@@ -229,7 +227,10 @@ impl Plan {
                 io::check_old(target)?;
             }
         }
-        if arguments.overwrite { Ok(()) } else { replaced::check(&self.jobs) }
+        if arguments.overwrite {
+            return Ok(());
+        }
+        replaced::check(&self.jobs, arguments.sequence_report.as_deref())
     }
 
     /// Checks that no result takes the place of its input where that would lose something.
@@ -281,44 +282,76 @@ impl Plan {
     fn take_out_finished(&mut self, signature: &str, arguments: &Arguments) -> Result<()> {
         let mut to_do = Vec::new();
         let mut by_others: Vec<(Job, String)> = Vec::new();
+        let mut fingerprints = Fingerprints::default();
         for job in std::mem::take(&mut self.jobs) {
-            match self.found(&job, signature, arguments)? {
+            match self.found(&job, signature, arguments, &mut fingerprints)? {
                 Found::Nothing => to_do.push(job),
                 Found::Finished => self.finished.push(job),
+                Found::Stale => {
+                    self.stale.push(job.clone());
+                    to_do.push(job);
+                }
+                Found::Otherwise(_) if arguments.overwrite => to_do.push(job),
                 Found::Otherwise(difference) => by_others.push((job, difference)),
             }
         }
         self.jobs = to_do;
         let Some((first, difference)) = by_others.first() else { return Ok(()) };
-        let frames: FrameSet = by_others.iter().filter_map(|(job, _)| job.frame).collect();
-        Err(usage(&format!("was made otherwise: {difference}{}", frames.among_others()))
-            .remedy("remove it, write elsewhere, or run without --skip-existing")
+        let others = among_others(by_others.iter().map(|(job, _)| job));
+        Err(usage(&format!("was made otherwise: {difference}{others}"))
+            .remedy(
+                "remove it, write elsewhere, run without --skip-existing, or add --overwrite to do it again",
+            )
             .in_file(&first.output))
     }
 
     /// What of `job` an earlier run has done.
-    fn found(&self, job: &Job, signature: &str, arguments: &Arguments) -> Result<Found> {
-        if !job.output.exists() {
+    fn found(
+        &self,
+        job: &Job,
+        signature: &str,
+        arguments: &Arguments,
+        fingerprints: &mut Fingerprints,
+    ) -> Result<Found> {
+        // What is no picture, such as the empty file by which some schedulers take a place, is no result.
+        if !io::is_exr(&job.output) {
             return Ok(Found::Nothing);
         }
-        let reach = arguments.temporal;
-        let wanted = signature::of_frame(signature, reach, self.count_beside(job, reach));
+        let there = io::provenance(&job.output).unwrap_or_default(); // what cannot be read, nobody signed
+        if there.signature.is_some() && !there.whole {
+            return Ok(Found::Nothing);
+        }
+        // An input that cannot be read is told by whoever reads it.
+        let Ok(made_of) = fingerprints.of(self, job, arguments) else { return Ok(Found::Nothing) };
         let region = arguments.region.map(Region::numbers);
-        let there = io::provenance(&job.output).unwrap_or_default(); // what is no EXR file, nobody signed
-        Ok(match there.signature {
-            Some(_) if region != there.region => {
-                let [there, wanted] = [there.region, region].map(words);
-                Found::Otherwise(format!("it holds {there} and not {wanted}"))
-            }
-            Some(found) if found == wanted => match job.targets().find(|target| !target.path.exists()) {
+        if there.signature.is_some() && region != there.region {
+            let [there, wanted] = [there.region, region].map(words);
+            return Ok(Found::Otherwise(format!("it holds {there} and not {wanted}")));
+        }
+        let in_place = job.is_in_place();
+        if in_place && there.signature.is_none() {
+            return Ok(Found::Nothing); // not denoised in place yet
+        }
+        let wanted = signature::of_frame(signature, &made_of);
+        Ok(match signature::difference(there.signature.as_deref(), &wanted, in_place) {
+            Difference::Settings(words) => Found::Otherwise(words),
+            Difference::Content => Found::Stale,
+            Difference::Nothing => match job.targets().find(|target| !target.path.exists()) {
                 None => Found::Finished,
-                Some(missing) if job.is_in_place() => return Err(lost(missing)),
+                Some(missing) if in_place => return Err(lost(missing)),
                 Some(_) => Found::Nothing,
             },
-            Some(found) if signature::only_neighbours_differ(&found, &wanted) => Found::Nothing,
-            None if job.is_in_place() => Found::Nothing, // not denoised in place yet
-            found => Found::Otherwise(signature::difference(found.as_deref(), &wanted)),
         })
+    }
+
+    /// Tells that results are done again though they were there.
+    pub fn note_of_stale(&self) -> Option<String> {
+        let first = self.stale.first()?;
+        Some(format!(
+            "{}: is done again: its input, or a file or frame beside, has changed since{}",
+            first.output.display(),
+            among_others(&self.stale)
+        ))
     }
 }
 
@@ -327,8 +360,15 @@ enum Found {
     /// Not all of them: the frame is to be done.
     Nothing,
     Finished,
+    /// A result of what has changed since.
+    Stale,
     /// A result of other settings; in words, what differs.
     Otherwise(String),
+}
+
+/// In words, that all these frames share what is said of the first.
+fn among_others<'a>(jobs: impl IntoIterator<Item = &'a Job>) -> String {
+    jobs.into_iter().filter_map(|job| job.frame).collect::<FrameSet>().among_others()
 }
 
 fn words(region: Option<[i64; 4]>) -> String {
@@ -353,9 +393,14 @@ impl Job {
 
     /// All files that are written for it.
     fn targets(&self) -> impl Iterator<Item = RunFile<'_>> {
-        let report = self.report.iter().map(|path| file("the report", path));
+        let report = self.report_file().map(|path| file("the report", path));
         let map = self.sampling_map.iter().map(|path| file("the sampling map", path));
         std::iter::once(file("the result", &self.output)).chain(report).chain(map)
+    }
+
+    /// Where its report goes, unless that is the standard output.
+    pub fn report_file(&self) -> Option<&Path> {
+        self.report.as_deref().filter(|path| *path != STANDARD_OUTPUT)
     }
 
     /// Whether the result replaces the input.

@@ -4,6 +4,7 @@ use std::io::IsTerminal;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::answer::print;
@@ -16,6 +17,19 @@ const DONE: u32 = 100;
 
 /// What the fits of the picture at half its resolution take, in stages of the whole one.
 pub const COARSE: f32 = 0.5;
+
+/// How progress is told.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Style {
+    /// A bar on a terminal, else lines.
+    Auto,
+    /// A bar, which only a terminal shows.
+    Bar,
+    /// Lines on the standard output.
+    Lines,
+    /// Not at all.
+    None,
+}
 
 /// Where the progress of all frames is shown. It never goes back.
 pub struct Progress {
@@ -42,16 +56,18 @@ struct State {
 }
 
 impl Progress {
-    /// For so many frames with so many stages of fits; that of half the resolution counts [`COARSE`]. Nothing
-    /// is shown when `quiet`.
-    pub fn new(quiet: bool, frames: usize, fits: f32) -> Self {
-        let shown = match (quiet, std::io::stderr().is_terminal()) {
-            (true, _) => Shown::Nowhere,
-            (false, true) => {
-                let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {elapsed}");
-                Shown::Bar(ProgressBar::new(100).with_style(style.expect("the template is constant")))
-            }
-            (false, false) => Shown::Lines,
+    /// For so many frames with so many stages of fits; that of half the resolution counts [`COARSE`]. There are no
+    /// lines where nobody `listens` to the standard output.
+    pub fn new(style: Style, listens: bool, frames: usize, fits: f32) -> Self {
+        let bar = || {
+            let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {elapsed}");
+            Shown::Bar(ProgressBar::new(100).with_style(style.expect("the template is constant")))
+        };
+        let shown = match style {
+            Style::Bar => bar(),
+            Style::Auto if std::io::stderr().is_terminal() => bar(),
+            Style::Auto | Style::Lines if listens => Shown::Lines,
+            _ => Shown::Nowhere,
         };
         let state = Mutex::new(State { frames: vec![0.0; frames], sum: 0.0, told: 0, at: Instant::now() });
         Self { shown, fits, state }
@@ -71,10 +87,17 @@ impl Progress {
         }
     }
 
+    /// Nothing more is done for the frame of this index: it failed, and the run goes on.
+    pub fn give_up(&self, index: usize) {
+        self.set(index, DONE.into());
+    }
+
     /// The run is over.
     pub fn finish(&self) {
-        if let Shown::Bar(bar) = &self.shown {
-            bar.finish_and_clear();
+        match &self.shown {
+            Shown::Bar(bar) => bar.finish_and_clear(),
+            Shown::Lines if locked(&self.state).frames.is_empty() => line(DONE), // nothing was left to do
+            _ => {}
         }
     }
 
@@ -136,7 +159,7 @@ impl FrameProgress<'_> {
 
     /// The frame is done.
     pub fn finish(&self) {
-        self.all.set(self.index, 100.0);
+        self.all.set(self.index, DONE.into());
     }
 }
 
@@ -149,6 +172,7 @@ pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
     const FITS_BEGIN: f32 = 8.0;
     const FITS_END: f32 = 96.0;
+    const FITTING: f32 = FITS_END - FITS_BEGIN;
     let end = match stage {
         "read" => 2.0,
         "sanitize" | "outliers" => 3.0,
@@ -156,13 +180,43 @@ fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
         "noise" => FITS_BEGIN,
         "energy" => 97.0,
         "write" => 100.0,
-        "coarse" => before + COARSE * (FITS_END - FITS_BEGIN) / fits,
-        _ => before + (FITS_END - FITS_BEGIN) / fits,
+        "coarse" => (before + COARSE * FITTING / fits).min(FITS_END),
+        other => match share_of_bands(other) {
+            Some(done) => FITS_BEGIN + FITTING * done,
+            None => (before + FITTING / fits).min(FITS_END),
+        },
     };
     end.max(before)
+}
+
+/// The share that is done when the stage `band 2 of 5` ends; none of other stages.
+fn share_of_bands(stage: &str) -> Option<f32> {
+    let (band, bands) = stage.strip_prefix("band ")?.split_once(" of ")?;
+    Some(band.parse::<f32>().ok()? / bands.parse::<f32>().ok()?)
 }
 
 /// The protocol of render farms: `progress NN` on the standard output. Nobody has to listen.
 fn line(percent: u32) {
     let _ = print(&format!("progress {percent}"));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_ascend_and_leave_room_for_the_rest() {
+        let bands: Vec<String> = (1..=40).map(|n| format!("band {n} of 40")).collect();
+        let fits: Vec<String> = (1..=9).map(|n| format!("fit {n}")).collect();
+        for stages in [bands, fits] {
+            let end = |before: f32, stage: &String| end_of(stage, before, 2.5);
+            let ends = stages.iter().scan(end_of("read", 0.0, 2.5), |before, stage| {
+                *before = end(*before, stage);
+                Some(*before)
+            });
+            let ends: Vec<f32> = ends.collect();
+            assert!(ends.is_sorted() && ends.iter().all(|&end| (2.0..=96.0).contains(&end)), "{ends:?}");
+            assert_eq!(end_of("write", ends[ends.len() - 1], 2.5), 100.0);
+        }
+    }
 }

@@ -1,9 +1,11 @@
-//! What a result may replace: what this program wrote, and its own input once. Any other picture is somebody's render.
+//! What a result may replace: what this program wrote, and its own input once. Any other picture is somebody's render, and
+//! a report replaces reports alone.
 
 use std::path::Path;
 
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, Provenance};
+use serde_json::Value;
 
 use crate::frames::FrameSet;
 use crate::plan::Job;
@@ -13,22 +15,33 @@ use crate::sampling;
 /// requeued job would leave frames of two kinds.
 ///
 /// # Errors
-/// `Usage` when a result or a sampling map would take its place, `Lacking` when an input is such a result.
-pub fn check(jobs: &[Job]) -> Result<()> {
+/// `Usage` when a result, a sampling map or a report would take its place, `Lacking` when an input is such a result.
+pub fn check(jobs: &[Job], sequence_report: Option<&Path>) -> Result<()> {
     let (in_place, elsewhere): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.is_in_place());
     let inputs = in_place.into_iter().map(|job| (job, job.input.as_path()));
-    refuse(again, inputs.filter(|(_, input)| io::provenance(input).is_ok_and(|found| is_result(&found))))?;
+    // What is cut off is told by whoever reads it.
+    let is_done = |input: &Path| io::provenance(input).is_ok_and(|found| found.whole && is_result(&found));
+    refuse(again, inputs.filter(|(_, input)| is_done(input)))?;
     let outputs = elsewhere.into_iter().map(|job| (job, job.output.as_path()));
     refuse(lost, outputs.filter(|(_, output)| is_strange(output, is_result)))?;
     let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));
-    refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))
+    refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))?;
+    let reports = jobs.iter().filter_map(|job| Some((job, job.report_file()?)));
+    refuse(lost, reports.filter(|(_, report)| is_no_report(report)))?;
+    sequence_report.filter(|report| is_no_report(report)).map_or(Ok(()), |report| Err(lost(report, "")))
 }
 
 /// The same of the picture of regions.
 ///
 /// # Errors
-/// As [`check`].
+/// As [`check`]; and when it would take the place of a region.
 pub fn check_merged(output: &Path) -> Result<()> {
+    let region = io::provenance(output).is_ok_and(|found| is_result(&found) && found.region.is_some());
+    if region {
+        return Err(Error::new(ErrorKind::Usage, "is a region itself, and the picture would take its place")
+            .remedy("name the picture first, as in `apr-denoise merge whole.exr top.exr bottom.exr`, or give --overwrite")
+            .in_file(output));
+    }
     if is_strange(output, is_result) { Err(lost(output, "")) } else { Ok(()) }
 }
 
@@ -59,7 +72,15 @@ fn lost(path: &Path, frames: &str) -> Error {
 /// Whether a picture is there and is none of this program's `own`. What is no picture at all, such as the empty file by
 /// which some schedulers take a place, is no loss.
 fn is_strange(path: &Path, own: fn(&Provenance) -> bool) -> bool {
-    path.is_file() && io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
+    io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
+}
+
+/// Whether something is there and is no report of this program.
+fn is_no_report(path: &Path) -> bool {
+    let is_own = |bytes: &[u8]| {
+        serde_json::from_slice::<Value>(bytes).is_ok_and(|json| json["program"] == env!("CARGO_PKG_NAME"))
+    };
+    std::fs::read(path).is_ok_and(|bytes| !bytes.is_empty() && !is_own(&bytes))
 }
 
 fn is_result(found: &Provenance) -> bool {

@@ -6,7 +6,7 @@
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 use apr::baseline::Denoiser;
@@ -18,9 +18,10 @@ use crate::answer::{complain, print};
 use crate::arguments::Arguments;
 use crate::clock::{Clock, memory};
 use crate::failure::caught;
+use crate::made_of::{Fingerprints, MadeOf};
 use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
-use crate::progress::{self, Progress, locked};
+use crate::progress::{self, Progress, Style, locked};
 use crate::remarks::{Remark, Remarks};
 use crate::report::Report;
 use crate::sampling::Sampling;
@@ -45,6 +46,8 @@ struct Run<'a> {
     /// As they are if the run ends now.
     outcomes: Arc<Mutex<Vec<Outcome>>>,
     errors: Mutex<Vec<(usize, Error)>>,
+    /// Why the standard output took no more: no fault of the frames that are done.
+    unsaid: Mutex<Option<Error>>,
     remarks: Remarks,
 }
 
@@ -61,19 +64,24 @@ struct Step<'a, T> {
 /// Of the kind of the first frame that failed; those before it are done all the same.
 pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &str) -> Result<bool> {
     let begun = Instant::now();
+    if let Some(note) = plan.note_of_stale().filter(|_| !arguments.quiet) {
+        complain(&format!("{}: {note}", Remark::Note.name()));
+    }
     let stages = denoiser.pipeline().map_or(1.0, |options| {
         options.stages.len() as f32 + if options.coarse { progress::COARSE } else { 0.0 }
     });
+    let style = if arguments.quiet { Style::None } else { arguments.progress };
     let run = Run {
         plan,
         arguments,
         denoiser,
         signature,
-        progress: Progress::new(arguments.quiet, plan.jobs.len(), stages),
+        progress: Progress::new(style, arguments.answers(), plan.jobs.len(), stages),
         last: AtomicUsize::new(usize::MAX),
         target_missed: AtomicBool::new(false),
         outcomes: report_when_stopped(plan, arguments, denoiser, begun),
         errors: Mutex::default(),
+        unsaid: Mutex::default(),
         remarks: Remarks::default(),
     };
     std::thread::scope(|scope| {
@@ -91,21 +99,19 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
     let mut outcomes = locked(&run.outcomes).clone();
     // Frames that were read ahead of one that failed, and given up.
     outcomes.iter_mut().filter(|it| matches!(it, Outcome::Interrupted)).for_each(|it| *it = Outcome::NotRun);
-    let errors = run.errors.into_inner().unwrap_or_else(PoisonError::into_inner);
     let seconds = begun.elapsed().as_secs_f64();
     let report = SequenceReport::new(plan, &outcomes, denoiser, seconds, memory::peak());
-    if let Some(path) = &arguments.sequence_report {
-        report.write(path)?;
-    }
+    let reported = arguments.sequence_report.as_ref().map_or(Ok(()), |path| report.write(path));
     let sequence = plan.frames().any(|job| job.frame.is_some());
-    if sequence && !arguments.quiet {
-        print(&report.line())?;
+    if arguments.answers() && sequence {
+        run.say(&report.line());
     }
-    for job in plan.finished.iter().filter(|_| !sequence && !arguments.quiet) {
-        print(&format!("{}: is there already, made by the same options", job.output.display()))?;
+    for job in plan.finished.iter().filter(|_| arguments.answers() && !sequence) {
+        run.say(&format!("{}: is there already, made by the same options", job.output.display()));
     }
-    failure(plan, errors)?;
-    Ok(!run.target_missed.into_inner())
+    failure(plan, std::mem::take(&mut locked(&run.errors)))?;
+    reported?;
+    locked(&run.unsaid).take().map_or(Ok(!run.target_missed.into_inner()), Err)
 }
 
 /// The outcomes of a run that begins, and the sequence's report of them should it be told to stop.
@@ -131,7 +137,7 @@ fn report_when_stopped(
 
 impl<'a> Run<'a> {
     fn read_all(&'a self, next: &SyncSender<Step<'a, Input>>) {
-        let mut shelf = Shelf::default();
+        let (mut shelf, mut fingerprints) = (Shelf::default(), Fingerprints::default());
         for (index, job) in self.plan.jobs.iter().enumerate() {
             if index > self.last.load(Ordering::Relaxed) {
                 return;
@@ -141,9 +147,12 @@ impl<'a> Run<'a> {
             locked(&self.outcomes)[index] = Outcome::Interrupted; // until something better becomes of it
             let input = self.tried(index, || {
                 clock.begin("read");
-                let whole = || self.shot(&mut shelf, job);
                 let (arguments, frames) = (self.arguments, self.plan.jobs.len());
-                let input = Input::read(job, arguments, self.denoiser, self.signature, frames, whole)?;
+                // Before anything is read: what changes meanwhile is found changed by the next run.
+                let made_of = fingerprints.of(self.plan, job, arguments)?;
+                let signature = signature::of_frame(self.signature, &made_of);
+                let whole = || self.shot(&mut shelf, job, made_of);
+                let input = Input::read(job, arguments, self.denoiser, &signature, frames, whole)?;
                 clock.pause();
                 self.warn_of(job, &input);
                 Ok(input)
@@ -190,11 +199,11 @@ impl<'a> Run<'a> {
     }
 
     /// A frame with those beside it, signed: only now it is known which of them can be had.
-    fn shot(&self, shelf: &mut Shelf, job: &Job) -> Result<Shot> {
+    fn shot(&self, shelf: &mut Shelf, job: &Job, made_of: MadeOf) -> Result<Shot> {
         let (arguments, reach) = (self.arguments, self.arguments.temporal);
         let read = |job: &Job| Picture::read(&job.input, &arguments.read_options(job));
         let shot = shelf.shot(self.plan, job, reach, arguments.keep_going, read)?;
-        shot.picture.sign(signature::of_frame(self.signature, reach, shot.beside()));
+        shot.picture.sign(signature::of_frame(self.signature, &made_of.cut(shot.beside())));
         Ok(shot)
     }
 
@@ -213,16 +222,29 @@ impl<'a> Run<'a> {
             self.target_missed.store(true, Ordering::Relaxed);
         }
         let report = Report::new(used, self.denoiser, output, stages, notes, job, sampling.as_ref());
-        if let Some(path) = &job.report {
-            io::write_bytes(path, apr::report::json(&report)?.as_bytes())?;
+        if job.report.is_some() {
+            let json = apr::report::json(&report)?;
+            match job.report_file() {
+                Some(path) => io::write_bytes(path, json.as_bytes())?,
+                None => self.say(json.trim_end()),
+            }
         }
         if !self.arguments.quiet {
             self.warn_of_copies(job, &output.denoised.summary.beside);
             report.notes().iter().for_each(|note| self.tell(job, Remark::Note, note));
+        }
+        if self.arguments.answers() {
             let needed = sampling.as_ref().and_then(Sampling::line);
-            self.progress.aside(|| needed.iter().chain([&report.line()]).try_for_each(|line| print(line)))?;
+            needed.iter().chain([&report.line()]).for_each(|line| self.say(line));
         }
         Ok(report.outcome())
+    }
+
+    /// Says something on the standard output. That it takes no more is told once, at the end.
+    fn say(&self, words: &str) {
+        if let Err(error) = self.progress.aside(|| print(words)) {
+            locked(&self.unsaid).get_or_insert(error);
+        }
     }
 
     /// Does a frame's `work`; a failure is told, remembered, and stops the run unless it is to go on.
@@ -231,7 +253,9 @@ impl<'a> Run<'a> {
             Ok(done) => return Some(done),
             Err(error) => error,
         };
-        if !self.arguments.keep_going {
+        if self.arguments.keep_going {
+            self.progress.give_up(index);
+        } else {
             self.last.fetch_min(index, Ordering::Relaxed);
         }
         let job = &self.plan.jobs[index];

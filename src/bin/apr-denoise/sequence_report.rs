@@ -133,7 +133,20 @@ impl<'a> SequenceReport<'a> {
             .filter(|(n, _)| *n > 0)
             .map(|(n, [one, many])| format!(", {n} {}", if *n == 1 { one } else { many }))
             .collect();
-        format!("{} denoised in {:.1} s{others}", counted(counts.done, "frame"), self.seconds)
+        let missing = self.missing().map_or_else(String::new, |missing| format!("; {missing}"));
+        format!("{} denoised in {:.1} s{others}{missing}", counted(counts.done, "frame"), self.seconds)
+    }
+
+    /// In words, the frames that have no input, and the file that the first one lacks.
+    fn missing(&self) -> Option<String> {
+        let lacks = |entry: &'_ Entry| match &entry.outcome {
+            Outcome::Missing { file } => Some((entry.frame?, file.clone())),
+            _ => None,
+        };
+        let all: Vec<(i32, String)> = self.frames.iter().filter_map(lacks).collect();
+        let (first, file) = all.first()?;
+        let frames: FrameSet = all.iter().map(|(frame, _)| *frame).collect();
+        Some(format!("left out: {frames} ({first} for want of {file})"))
     }
 }
 

@@ -25,7 +25,9 @@ pub fn denoiser(arguments: &Arguments) -> Result<Denoiser> {
     };
     if let Some(path) = &arguments.options {
         let text = std::fs::read_to_string(path).map_err(|error| {
-            Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}")).in_file(path)
+            Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}"))
+                .remedy("--options takes the name of a JSON file: check it and who may read it")
+                .in_file(path)
         })?;
         let given = serde_json::from_str(&text).map_err(|error| usage(&error).in_file(path))?;
         let Value::Object(given) = given else {

@@ -10,7 +10,8 @@ pub fn before_the_end(words: impl FnOnce() + Send + 'static) {
     *LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner) = Some(Box::new(words));
 }
 
-/// From now on SIGTERM, SIGINT and SIGHUP remove the temporary files and end the program with 143, 130 and 129.
+/// From now on SIGTERM, SIGINT and SIGHUP remove the temporary files before they end the program. It dies by the signal
+/// itself: after one that ends with a code of its own a shell's loop would go on.
 #[cfg(unix)]
 pub fn clean_up_when_stopped() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -27,7 +28,8 @@ pub fn clean_up_when_stopped() {
             let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).take();
             words.into_iter().for_each(|words| words());
             apr::io::abandon_temporaries(); // after which nothing is written
-            std::process::exit(SIGNALLED + signal);
+            let _ = signal_hook::low_level::emulate_default_handler(signal);
+            std::process::exit(SIGNALLED + signal); // where the signal does not end it
         }
     });
 }

@@ -1,5 +1,5 @@
-//! What a result was made by, in an attribute of its file: so that a run that goes on by
-//! `--skip-existing` never leaves a sequence of two kinds.
+//! What a result was made by and of, in an attribute of its file: so that a run that goes on by
+//! `--skip-existing` never leaves a sequence of two kinds, and no result of what has changed since.
 
 use apr::baseline::Denoiser;
 use apr::error::Result;
@@ -7,8 +7,9 @@ use apr::report;
 use serde_json::{Map, Value, json};
 
 use crate::arguments::Arguments;
+use crate::made_of::MadeOf;
 
-/// Everything but the input's own content that the result depends on, as one line of ASCII JSON.
+/// Everything but the content of files that the result depends on, as one line of ASCII JSON.
 ///
 /// # Errors
 /// When a value cannot be expressed as JSON.
@@ -34,33 +35,54 @@ pub fn of(arguments: &Arguments, denoiser: &Denoiser) -> Result<String> {
     Ok(ascii(&one_line))
 }
 
-/// The same of one frame in a run that looks at `reach` frames on both sides, of which so many `[before, after]` it
-/// helped: they change the result too.
-pub fn of_frame(signature: &str, reach: u8, [before, after]: [usize; 2]) -> String {
-    if reach == 0 {
-        return signature.to_owned();
-    }
+/// The same of one frame: what its files hold changes the result too, and so do the frames beside.
+pub fn of_frame(signature: &str, made_of: &MadeOf) -> String {
     let body = signature.strip_suffix('}').expect("a signature is a JSON object");
-    format!("{body},\"{BESIDE}\": [{before}, {after}]}}")
+    let list = |numbers: &Vec<String>| format!("[\"{}\"]", numbers.join("\", \""));
+    let lists =
+        |frames: &Vec<Vec<String>>| format!("[{}]", frames.iter().map(list).collect::<Vec<_>>().join(", "));
+    let beside = made_of.beside.as_ref().map_or_else(String::new, |[before, after]| {
+        format!(",\"{BESIDE}\": [{}, {}]", lists(before), lists(after))
+    });
+    format!("{body},\"{INPUTS}\": {}{beside}}}", list(&made_of.inputs))
 }
 
-/// The key of the frames beside.
+/// The keys of what stands for the content of files.
+const INPUTS: &str = "inputs";
 const BESIDE: &str = "beside";
 
-/// Whether `found` differs from `wanted` by nothing but the frames beside: some have come or gone since.
-pub fn only_neighbours_differ(found: &str, wanted: &str) -> bool {
-    keys_that_differ(found, wanted).is_some_and(|keys| keys == [BESIDE])
+/// How a result that was found differs from the one that is wanted.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Difference {
+    Nothing,
+    /// It was made of files with another content, or of other frames beside.
+    Content,
+    /// In words, what else differs.
+    Settings(String),
 }
 
-/// In words, where `found` differs from `wanted`.
-pub fn difference(found: Option<&str>, wanted: &str) -> String {
-    let Some(found) = found else { return "this program did not write it".to_owned() };
-    match keys_that_differ(found, wanted) {
-        Some(mut keys) => {
-            keys.retain(|key| key != BESIDE); // it is no setting
-            format!("its {} differed", keys.join(", "))
+/// Holds the signature that was `found` against the one that is `wanted`. A result `in_place` has replaced what it was
+/// made of.
+pub fn difference(found: Option<&str>, wanted: &str, in_place: bool) -> Difference {
+    let Some(found) = found else {
+        return Difference::Settings("this program did not write it".to_owned());
+    };
+    let Some(keys) = keys_that_differ(found, wanted) else {
+        return Difference::Settings("its settings are not legible".to_owned());
+    };
+    let is_content = |key: &str| [INPUTS, BESIDE].contains(&key.split('.').next().unwrap_or_default());
+    let (content, settings): (Vec<&str>, Vec<&str>) =
+        keys.iter().map(String::as_str).partition(|key| is_content(key));
+    if !settings.is_empty() {
+        return Difference::Settings(format!("its {} differed", settings.join(", ")));
+    }
+    let replaced = |key: &&str| in_place && [INPUTS, "inputs.0"].contains(key);
+    match content.iter().find(|key| !replaced(key)) {
+        None => Difference::Nothing,
+        Some(_) if in_place => {
+            Difference::Settings("a file of --half or --with has changed since".to_owned())
         }
-        None => "its settings are not legible".to_owned(),
+        Some(_) => Difference::Content,
     }
 }
 
@@ -78,13 +100,19 @@ fn keys_that_differ(found: &str, wanted: &str) -> Option<Vec<String>> {
 
 fn collect(before: &str, found: &Map<String, Value>, wanted: &Map<String, Value>, keys: &mut Vec<String>) {
     for key in found.keys().chain(wanted.keys().filter(|key| !found.contains_key(*key))) {
-        match (found.get(key), wanted.get(key)) {
-            (a, b) if a == b => {}
-            (Some(Value::Object(a)), Some(Value::Object(b))) => {
-                collect(&format!("{before}{key}."), a, b, keys);
-            }
-            _ => keys.push(format!("{before}{key}")),
+        compare(&format!("{before}{key}"), found.get(key), wanted.get(key), keys);
+    }
+}
+
+fn compare(key: &str, found: Option<&Value>, wanted: Option<&Value>, keys: &mut Vec<String>) {
+    match (found, wanted) {
+        (a, b) if a == b => {}
+        (Some(Value::Object(a)), Some(Value::Object(b))) => collect(&format!("{key}."), a, b, keys),
+        (Some(Value::Array(a)), Some(Value::Array(b))) if a.len() == b.len() => {
+            let pairs = a.iter().zip(b).enumerate();
+            pairs.for_each(|(n, (a, b))| compare(&format!("{key}.{n}"), Some(a), Some(b), keys));
         }
+        _ => keys.push(key.to_owned()),
     }
 }
 
@@ -104,19 +132,37 @@ mod tests {
 
     #[test]
     fn differences_are_named_by_their_keys() {
-        let (a, b) = (r#"{"a": 1, "o": {"x": 1, "y": [2]}}"#, r#"{"a": 1, "o": {"x": 2, "y": [2], "z": 0}}"#);
-        assert_eq!(difference(Some(a), b), "its o.x, o.z differed");
-        assert_eq!(difference(None, b), "this program did not write it");
-        assert_eq!(difference(Some("?"), b), "its settings are not legible");
+        let (a, b) =
+            (r#"{"a": 1, "o": {"x": 1, "y": [2, 3]}}"#, r#"{"a": 1, "o": {"x": 2, "y": [2, 4], "z": 0}}"#);
+        let told = |found, wanted| match difference(found, wanted, false) {
+            Difference::Settings(words) => words,
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(told(Some(a), b), "its o.x, o.y.1, o.z differed");
+        assert_eq!(told(None, b), "this program did not write it");
+        assert_eq!(told(Some("?"), b), "its settings are not legible");
     }
 
     #[test]
-    fn frames_that_have_come_are_told_from_other_settings() {
-        let run = r#"{"a": 1, "temporal": 2}"#;
-        let (end, amid) = (of_frame(run, 2, [2, 0]), of_frame(run, 2, [2, 2]));
-        assert!(only_neighbours_differ(&end, &amid) && !only_neighbours_differ(&end, &end));
-        assert!(!only_neighbours_differ(&end, &of_frame(r#"{"a": 2, "temporal": 2}"#, 2, [2, 2])));
-        assert!(!only_neighbours_differ("?", &amid));
+    fn other_content_is_told_from_other_settings() {
+        let frame = |run: &str, inputs: &[&str], beside: Option<[&[&str]; 2]>| {
+            let numbers = |all: &[&str]| all.iter().map(|&number| number.to_owned()).collect::<Vec<_>>();
+            let frames = |all: &[&str]| all.iter().map(|number| numbers(&[number])).collect::<Vec<_>>();
+            of_frame(run, &MadeOf { inputs: numbers(inputs), beside: beside.map(|sides| sides.map(frames)) })
+        };
+        let run = r#"{"a": 1}"#;
+        let (old, new) = (frame(run, &["1", "2"], None), frame(run, &["3", "2"], None));
+        let half = frame(run, &["1", "4"], None);
+        let compare = |found: &str, wanted: &str, in_place| difference(Some(found), wanted, in_place);
+        assert_eq!(compare(&old, &old, false), Difference::Nothing);
+        assert_eq!(compare(&old, &new, false), Difference::Content);
+        assert_eq!(compare(run, &new, false), Difference::Content, "of an earlier version");
+        assert_eq!(compare(&old, &new, true), Difference::Nothing, "it replaced its input");
+        assert!(matches!(compare(&old, &half, true), Difference::Settings(_)));
+        let [end, amid] = [&["5"][..], &["5", "6"]].map(|after| frame(run, &["1"], Some([&[], after])));
+        assert_eq!(compare(&end, &amid, false), Difference::Content, "a frame has come");
+        let other = frame(r#"{"a": 2}"#, &["1"], Some([&[], &[]]));
+        assert!(matches!(compare(&end, &other, false), Difference::Settings(_)));
     }
 
     #[test]
