@@ -9,6 +9,7 @@ mod failure;
 mod frames;
 mod generate;
 mod inspect;
+mod numbers;
 mod parts;
 mod pattern;
 mod plan;
