@@ -224,8 +224,7 @@ impl Denoiser {
     /// Denoises a part of a picture, as [`denoise_part`] does it.
     ///
     /// # Errors
-    /// When an option is out of its range, the frame is not of the part's size, or the method is not the
-    /// pipeline and needs the whole picture.
+    /// As [`denoise_part`]; when the method is not the pipeline and needs the whole picture.
     pub fn denoise_part<'a>(
         &self,
         frame: impl Into<Cow<'a, Frame>>,

@@ -108,17 +108,19 @@ pub fn gains(
     if !options.outliers.enabled {
         return Ok(None);
     }
+    let (width, height) = part.picture;
     let energy = match &facts.energy {
-        Some(energy) => Cow::Borrowed(energy),
+        Some(energy) if energy.pixels == width * height => Cow::Borrowed(energy),
         None if part.is_whole() => {
             let mut energy = Energy::default();
             energy.add(ready.signal.color(), &ready.removed, part.within(), part.wanted.y);
             Cow::Owned(energy)
         }
-        None => {
-            let what = "the outliers of the picture around the part are not known";
+        known => {
+            let (known, pixels) = (known.as_ref().map_or(0, |energy| energy.pixels), width * height);
+            let what = format!("the outliers of {known} pixels are known where the picture has {pixels}");
             let error = Error::new(ErrorKind::Usage, what);
-            return Err(error.remedy("give all rows to Facts::add_outliers first"));
+            return Err(error.remedy("give every row to Facts::add_outliers first, once"));
         }
     };
     let gains = energy.gains(options.outliers.witnesses);

@@ -11,11 +11,12 @@ use super::observer::Log;
 use super::part::Part;
 use super::prepare::without_outliers;
 use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
-use crate::error::Result;
-use crate::frame::{Feature, Frame};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::{Feature, FeatureKind, Frame, Outline};
 use crate::image::Plane;
 use crate::options::Options;
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// What must be known of a whole picture before a part of it can be denoised alone.
 ///
@@ -23,6 +24,12 @@ use rayon::prelude::*;
 /// [`denoise_part`](super::denoise_part) for any part; with the same options throughout.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Facts {
+    /// Of the rows that were added; none before the first.
+    kinds: Option<Kinds>,
+    /// Some rows had other kinds than the first.
+    mixed: bool,
+    /// So many rows were added.
+    rows: usize,
     light: Light,
     color: [Range; 3],
     variance: Option<[Noise; 3]>,
@@ -31,6 +38,28 @@ pub struct Facts {
     aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
     pub(super) energy: Option<Energy>,
+}
+
+/// What all portions of a picture's rows have in common.
+#[derive(Debug, Clone, PartialEq)]
+struct Kinds {
+    width: usize,
+    /// The features' names, what they describe, and how many planes each has.
+    features: Vec<(String, FeatureKind, usize)>,
+    /// The AOVs' names.
+    aovs: Vec<String>,
+    /// Whether there are variances and halves: of the colour, then of every feature.
+    statistics: Vec<[bool; 2]>,
+}
+
+impl Kinds {
+    fn of(frame: &Frame) -> Self {
+        let Outline { size: (width, _), features, aovs, .. } = frame.outline();
+        let of_color = [frame.color_var_of_mean().is_some(), frame.halves().is_some()];
+        let of_features = frame.features().iter().map(|f| [f.var_of_mean.is_some(), f.halves.is_some()]);
+        let statistics = std::iter::once(of_color).chain(of_features).collect();
+        Self { width, features, aovs, statistics }
+    }
 }
 
 /// What is known of a feature.
@@ -133,8 +162,12 @@ impl Facts {
         facts
     }
 
-    /// Adds the next rows, in their full width. Every call has the same kinds of planes.
+    /// Adds the next rows, in their full width. Every call has the same kinds of planes: where one has not,
+    /// [`denoise_part`](super::denoise_part) refuses these facts.
     pub fn add(&mut self, rows: &Frame) {
+        let kinds = Kinds::of(rows);
+        self.rows += rows.height();
+        self.mixed |= *self.kinds.get_or_insert_with(|| kinds.clone()) != kinds;
         self.aovs.resize(rows.aovs().len(), [false; 3]);
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
@@ -152,14 +185,45 @@ impl Facts {
     /// whose rows were [added](Self::add) before; `frame` holds what [`Part::of_outliers`] has read.
     ///
     /// # Errors
-    /// When an option is out of its range, or the frame is not of the part's size.
-    pub fn add_outliers(&mut self, frame: &Frame, part: &Part, options: &Options) -> Result<()> {
+    /// When an option is out of its range, the frame is not of the part's size, or these are not the facts of its
+    /// picture.
+    pub fn add_outliers<'a>(
+        &mut self,
+        frame: impl Into<Cow<'a, Frame>>,
+        part: &Part,
+        options: &Options,
+    ) -> Result<()> {
+        let frame = frame.into();
         options.check()?;
-        part.check(frame)?;
+        part.check(&frame)?;
+        self.check(&frame, part)?;
         let (known, log) = (self.known(), &mut Log::silent());
-        let (clean, removed) = without_outliers(frame.into(), &known, self.exposure(), part, options, log);
+        let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log);
         let energy = self.energy.get_or_insert_default();
         energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        Ok(())
+    }
+
+    /// Refuses a frame of another picture than the one whose rows were added, each once.
+    pub(super) fn check(&self, frame: &Frame, part: &Part) -> Result<()> {
+        let foreign = |what: String| {
+            let remedy = "give every row of the picture that the frame is a part of to Facts::add, once";
+            Err(Error::new(ErrorKind::Usage, what).remedy(remedy))
+        };
+        let known = (self.kinds.as_ref().map_or(0, |kinds| kinds.width), self.rows);
+        if known != part.picture {
+            let ((width, height), (columns, rows)) = (part.picture, known);
+            return foreign(format!(
+                "the facts are of {columns}×{rows} pixels where the picture is {width}×{height}"
+            ));
+        }
+        if self.mixed
+            || self.kinds.as_ref().is_some_and(|kinds| Kinds { width: known.0, ..Kinds::of(frame) } != *kinds)
+        {
+            return foreign(
+                "the facts are of other features, AOVs or statistics than the frame has".to_owned(),
+            );
+        }
         Ok(())
     }
 
@@ -315,7 +379,7 @@ fn add_halves(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::FeatureKind;
+    use crate::denoise::{Silent, denoise_part};
     use crate::image::{Rect, Rgb};
 
     const SIZE: (usize, usize) = (9, 7);
@@ -365,5 +429,37 @@ mod tests {
         let halves = |bad: f32| flat().with_halves([half(bad), half(1.0)]).unwrap();
         assert!(!Facts::of(&halves(f32::INFINITY)).has_noise());
         assert!(Facts::of(&halves(2.0)).has_noise());
+    }
+
+    #[test]
+    fn facts_of_another_picture_are_refused() {
+        let depth = |name: &str| Feature::new(name, FeatureKind::Depth, rgb(|x, _| x as f32)[..1].to_vec());
+        let frame =
+            |f: &str| Frame::new(rgb(|x, y| (x * y) as f32)).and_then(|frame| frame.with_feature(depth(f)));
+        let (picture, options) = (frame("depth").unwrap(), Options::default());
+        let (right, mut twice, mut mixed) = (Facts::of(&picture), Facts::of(&picture), Facts::default());
+        twice.add(&picture);
+        let height = SIZE.1 - 2;
+        let upper = Frame::new(rows(picture.color(), 0, height).try_into().unwrap()).unwrap();
+        let lower = Frame::new(rows(picture.color(), height, 2).try_into().unwrap());
+        let narrow =
+            Feature::new("depth", FeatureKind::Depth, rows(&picture.features()[0].planes, height, 2));
+        [upper.clone(), lower.and_then(|lower| lower.with_feature(narrow)).unwrap()]
+            .iter()
+            .for_each(|f| mixed.add(f));
+        let part = Part::whole(SIZE);
+        let facts = [Facts::default(), twice, mixed, Facts::of(&upper), Facts::of(&frame("z").unwrap())];
+        for mut facts in facts {
+            let error = denoise_part(&picture, &part, &facts, &options, &Silent).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Usage);
+            assert!(error.to_string().starts_with("the facts are of "), "{error}");
+            assert!(facts.add_outliers(&picture, &part, &options).is_err());
+        }
+        let mut outliers_twice = right.clone();
+        outliers_twice.add_outliers(&picture, &part, &options).unwrap();
+        assert!(denoise_part(&picture, &part, &outliers_twice, &options, &Silent).is_ok());
+        outliers_twice.add_outliers(&picture, &part, &options).unwrap();
+        let error = denoise_part(&picture, &part, &outliers_twice, &options, &Silent).unwrap_err();
+        assert!(error.to_string().contains("Facts::add_outliers"), "{error}");
     }
 }
