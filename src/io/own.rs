@@ -65,6 +65,19 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
     })
 }
 
+/// Who wrote it, as files tell.
+const SOFTWARE: &str = "apr-denoise";
+
+/// The attribute that holds a render's seed.
+const SEED: &str = "seed";
+
+/// Whether a file whose first part has this header was written by [`write_frame`] with a seed.
+pub(super) fn is_seeded(header: &Header) -> bool {
+    let Header { own_attributes: own, .. } = header;
+    own.software_name.as_ref().is_some_and(|name| *name == Text::from(SOFTWARE))
+        && own.other.contains_key(&Text::from(SEED))
+}
+
 fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {
     let list = channels.iter().map(|(name, _)| ChannelDescription::named(name.clone(), SampleType::F32));
     let mut header = Header::new(Text::from("apr"), size, list.collect()).with_encoding(
@@ -73,7 +86,7 @@ fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {
         LineOrder::Increasing,
     );
     header.own_attributes.layer_name = None; // a file of one part needs no name
-    header.own_attributes.software_name = Some(Text::from("apr-denoise"));
+    header.own_attributes.software_name = Some(Text::from(SOFTWARE));
     header
 }
 
@@ -91,7 +104,7 @@ fn exr_header(frame: &Frame, tell: &FrameHeader, channels: &[(Text, &Plane)]) ->
             |_| AttributeValue::Text(Text::from(seed.to_string().as_str())),
             AttributeValue::I32,
         );
-        other.insert(Text::from("seed"), value);
+        other.insert(Text::from(SEED), value);
     }
     header
 }

@@ -5,9 +5,10 @@ use std::io::Read;
 use std::path::Path;
 
 use super::document::Document;
+use super::own;
 use super::region::Mark;
 use super::rewrite::signature_in;
-use crate::error::Result;
+use crate::error::{Error, ErrorKind, Result};
 
 /// How a file was made, as far as it tells.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -19,6 +20,9 @@ pub struct Provenance {
     pub region: Option<[i64; 4]>,
     /// The names of its channels, part by part.
     pub channels: Vec<String>,
+    /// It was written by [`write_frame`](super::write_frame) with a seed, as renders of the tracer are, and not denoised
+    /// since.
+    pub is_traced: bool,
 }
 
 /// Whether the file at `path` says of itself that it is OpenEXR, whatever else is in it.
@@ -36,9 +40,26 @@ pub fn provenance(path: impl AsRef<Path>) -> Result<Provenance> {
     let document = Document::open(path.as_ref())?;
     let headers = document.headers();
     let channels = headers.iter().flat_map(|header| &header.channels.list);
+    let signature = signature_in(headers);
     Ok(Provenance {
-        signature: signature_in(headers),
+        is_traced: signature.is_none() && own::is_seeded(&headers[0]),
+        signature,
         region: headers.iter().find_map(Mark::of).map(|mark| mark.region),
         channels: channels.map(|channel| channel.name.to_string()).collect(),
     })
+}
+
+/// Checks that no picture at `target` is lost but one that is the caller's `own`. What is no picture at all, such as the
+/// empty file by which some schedulers take a place, is no loss.
+///
+/// # Errors
+/// `Usage` when another picture is there.
+pub fn check_replaced(target: impl AsRef<Path>, own: impl FnOnce(&Provenance) -> bool) -> Result<()> {
+    let target = target.as_ref();
+    if !target.is_file() || !is_exr(target) || provenance(target).is_ok_and(|found| own(&found)) {
+        return Ok(());
+    }
+    Err(Error::new(ErrorKind::Usage, "is a picture that is there already, and this program did not write it")
+        .remedy("name the result otherwise, or remove what is there")
+        .in_file(target))
 }

@@ -30,7 +30,7 @@ mod threads;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use apr::error::{Error, ErrorKind, Result};
+use apr::error::{Error, ErrorKind, Result, TARGET_NOT_MET};
 use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
@@ -43,9 +43,6 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Of `--generate`.
 const OPTIONS: generate::Page = ("options", "the options of --set (Markdown)", reference::page);
-
-/// Done, but the estimated error is above the target.
-const TARGET_NOT_MET: u8 = 10;
 
 fn main() -> ExitCode {
     let CommandLine { command, denoise: arguments } = generate::parse(&[OPTIONS]);
