@@ -158,7 +158,7 @@ impl Trial<'_> {
             processor_seconds = [processor_seconds, spent].into_iter().flatten().reduce(f64::min);
         }
         let denoised = denoised.expect("every setting runs at least once");
-        let estimated = denoised.mse.data().iter().any(|&mse| mse > 0.0); // not all methods do
+        let estimated = denoised.has_estimate(); // not all methods do
         let calibrate = || metrics::calibration(&denoised.mse, &denoised.color, self.reference);
         let calibration = estimated.then(calibrate).transpose()?;
         self.look(&variant.name, &denoised.color, layers)?;
