@@ -15,7 +15,6 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Feature, FeatureKind, Frame, Outline};
 use crate::image::Plane;
 use crate::options::Options;
-use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// What must be known of a whole picture before a part of it can be denoised alone.
@@ -138,10 +137,14 @@ struct Noise {
 }
 
 impl Noise {
-    /// Adds a variance, or the distance of the halves, of some pixel.
-    fn add(&mut self, noise: f32) {
-        self.known = true;
-        self.noisy |= noise > 0.0;
+    /// Adds the variances, or the distances of the halves, of some pixels: until one is noisy, which has no more to say.
+    fn add_all(&mut self, pixels: impl IntoIterator<Item = f32>) {
+        for noise in pixels {
+            if self.noisy {
+                return;
+            }
+            (self.known, self.noisy) = (true, noise > 0.0);
+        }
     }
 }
 
@@ -172,13 +175,35 @@ impl Facts {
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
         }
-        let mut features = std::mem::take(&mut self.features);
-        let add_features = || {
-            let planes = features.par_iter_mut().zip(rows.features());
-            planes.for_each(|(facts, feature)| facts.add(feature));
-        };
-        rayon::join(|| (0..rows.height()).for_each(|y| self.add_colors(rows, y)), add_features);
-        self.features = features;
+        let Self { light, color, variance, halves, aovs, features, .. } = self;
+        // Every sum is of one task, which adds in order: so the bits are those of a loop.
+        rayon::scope(|tasks| {
+            tasks.spawn(move |_| add_light(light, rows));
+            for (range, plane) in color.iter_mut().zip(rows.color()) {
+                tasks.spawn(move |_| {
+                    plane.data().iter().filter(|v| good_radiance(**v)).for_each(|v| range.add(*v))
+                });
+            }
+            if let Some(planes) = rows.color_var_of_mean() {
+                let noise = variance.get_or_insert_default();
+                tasks.spawn(move |_| add_variance(noise, planes, good_variance));
+            }
+            if let Some(planes) = rows.halves() {
+                let noise = halves.get_or_insert_default();
+                let planes = planes.each_ref().map(|half| &half[..]);
+                tasks.spawn(move |_| add_halves(noise, planes, good_radiance, |v| v));
+            }
+            for (known, aov) in aovs.iter_mut().zip(rows.aovs()) {
+                tasks.spawn(move |_| {
+                    for (known, plane) in known.iter_mut().zip(&aov.color) {
+                        *known = *known || plane.data().iter().any(|v| good_radiance(*v));
+                    }
+                });
+            }
+            for (facts, feature) in features.iter_mut().zip(rows.features()) {
+                tasks.spawn(move |_| facts.add(feature));
+            }
+        });
     }
 
     /// Adds the energy of the outliers of the next rows, `part.wanted` in their full width, of a picture all of
@@ -225,39 +250,6 @@ impl Facts {
             );
         }
         Ok(())
-    }
-
-    /// Adds row `y` of the colour, its statistics and the AOVs.
-    fn add_colors(&mut self, rows: &Frame, y: usize) {
-        self.add_radiance(rows, y);
-        if let Some(variance) = rows.color_var_of_mean() {
-            let noise = self.variance.get_or_insert_default();
-            add_variance(noise, variance, y, good_variance);
-        }
-        if let Some(halves) = rows.halves() {
-            let noise = self.halves.get_or_insert_default();
-            add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
-        }
-    }
-
-    fn add_radiance(&mut self, rows: &Frame, y: usize) {
-        let color = rows.color().each_ref().map(|plane| plane.row(y));
-        let good = |x: usize| color.iter().enumerate().filter(move |(_, row)| good_radiance(row[x]));
-        let luminances = (0..rows.width()).filter_map(|x| {
-            let (sum, n) = good(x).fold((0.0, 0.0), |(sum, n), (_, row)| (sum + f64::from(row[x]), n + 1.0));
-            (n > 0.0).then(|| sum / n)
-        });
-        self.light.add_row(luminances);
-        for x in 0..rows.width() {
-            for (c, row) in good(x) {
-                self.color[c].add(row[x]);
-            }
-        }
-        for (known, aov) in self.aovs.iter_mut().zip(rows.aovs()) {
-            for (known, plane) in known.iter_mut().zip(&aov.color) {
-                *known |= plane.row(y).iter().any(|v| good_radiance(*v));
-            }
-        }
     }
 
     /// What is a number at any pixel.
@@ -325,13 +317,11 @@ impl FeatureFacts {
             let good = plane.data().iter().filter(|v| good_feature(feature.kind, **v));
             good.for_each(|v| range.add(limited_feature(*v)));
         }
-        for y in 0..feature.planes.first().map_or(0, Plane::height) {
-            if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
-                add_variance(noise, variance, y, good_feature_variance);
-            }
-            if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
-                add_halves(noise, [a, b], y, |v| good_feature(feature.kind, v), limited_feature);
-            }
+        if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
+            add_variance(noise, variance, good_feature_variance);
+        }
+        if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
+            add_halves(noise, [a, b], |v| good_feature(feature.kind, v), limited_feature);
         }
     }
 
@@ -354,25 +344,36 @@ impl FeatureFacts {
     }
 }
 
-/// Adds row `y` of the variances of some planes, of which one that is noisy has no more to say.
-fn add_variance(noise: &mut [Noise], variance: &[Plane], y: usize, good: impl Fn(f32) -> bool) {
-    for (noise, plane) in noise.iter_mut().zip(variance).filter(|(noise, _)| !noise.noisy) {
-        plane.row(y).iter().filter(|v| good(**v)).for_each(|v| noise.add(*v));
+/// Adds the luminance of the pixels, of the channels that are good there.
+fn add_light(light: &mut Light, rows: &Frame) {
+    for y in 0..rows.height() {
+        let color = rows.color().each_ref().map(|plane| plane.row(y));
+        light.add_row((0..rows.width()).filter_map(|x| {
+            let good = color.iter().map(|row| row[x]).filter(|v| good_radiance(*v));
+            let (sum, n) = good.fold((0.0, 0.0), |(sum, n), v| (sum + f64::from(v), n + 1.0));
+            (n > 0.0).then(|| sum / n)
+        }));
     }
 }
 
-/// Adds row `y` of both halves of some planes, where both are good, `limited`.
+/// Adds the variances of some planes.
+fn add_variance(noise: &mut [Noise], variance: &[Plane], good: impl Fn(f32) -> bool) {
+    for (noise, plane) in noise.iter_mut().zip(variance) {
+        noise.add_all(plane.data().iter().copied().filter(|v| good(*v)));
+    }
+}
+
+/// Adds both halves of some planes, where both are good, `limited`.
 fn add_halves(
     noise: &mut [Noise],
     [a, b]: [&[Plane]; 2],
-    y: usize,
     good: impl Fn(f32) -> bool,
     limited: impl Fn(f32) -> f32,
 ) {
-    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)).filter(|(noise, _)| !noise.noisy) {
-        let pairs = a.row(y).iter().zip(b.row(y)).filter(|(a, b)| good(**a) && good(**b));
+    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)) {
+        let pairs = a.data().iter().zip(b.data()).filter(|(a, b)| good(**a) && good(**b));
         // Not by the square of the difference, which may be no number that there is.
-        pairs.for_each(|(a, b)| noise.add((limited(*a) - limited(*b)).abs()));
+        noise.add_all(pairs.map(|(a, b)| (limited(*a) - limited(*b)).abs()));
     }
 }
 
