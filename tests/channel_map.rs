@@ -378,18 +378,18 @@ fn the_other_half_follows_from_the_mean() {
 #[test]
 fn one_mapped_channel_of_a_statistic_is_that_of_all_channels() {
     let folder = tempfile::tempdir().unwrap();
-    let names = ["R", "G", "B", "V.Y", "W.Y", "albedo.R", "albedo.G", "albedo.B"];
-    let map = ["variance=V.Y", "halfB=V.Y", "albedoVariance=W.Y", "albedoHalfA=W.Y"];
+    let names = ["R", "G", "B", "V.Y", "W.Y", "normal.X", "normal.Y", "normal.Z"];
+    let map = ["variance=V.Y", "halfB=V.Y", "normalVariance=W.Y", "normalHalfA=W.Y"];
     let options = ReadOptions { map: map.map(|m| m.parse().unwrap()).to_vec(), ..ReadOptions::default() };
     let picture = picture(folder.path(), &names, &[], &options);
     let (frame, pixels) = (picture.frame(), SIZE.0 * SIZE.1);
     let (v, w) = (values(pixels, 3), values(pixels, 4));
-    let [albedo] = frame.features() else { panic!("{:?}", frame.features()) };
-    let ([a, b], [of_albedo, _]) = (frame.halves().unwrap(), albedo.halves.as_ref().unwrap());
+    let [normal] = frame.features() else { panic!("{:?}", frame.features()) };
+    let ([a, b], [of_normal, _]) = (frame.halves().unwrap(), normal.halves.as_ref().unwrap());
     for c in 0..3 {
         assert_eq!(frame.color_var_of_mean().unwrap()[c].data(), v);
-        assert_eq!(albedo.var_of_mean.as_ref().unwrap()[c].data(), w);
-        assert_eq!((b[c].data(), of_albedo[c].data()), (&v[..], &w[..]));
+        assert_eq!((b[c].data(), of_normal[c].data()), (&v[..], &w[..]));
+        assert_eq!(normal.var_of_mean.as_ref().unwrap()[c].data(), w);
         let other: Vec<f32> = frame.color()[c].data().iter().zip(&v).map(|(m, b)| 2.0 * m - b).collect();
         assert_eq!(a[c].data(), other, "the half that is lacking follows from the mean");
     }

@@ -53,13 +53,12 @@ pub fn provenance(path: impl AsRef<Path>) -> Result<Provenance> {
 /// empty file by which some schedulers take a place, is no loss.
 ///
 /// # Errors
-/// `Usage` when another picture is there.
+/// `Usage`, without a remedy, when another picture is there.
 pub fn check_replaced(target: impl AsRef<Path>, own: impl FnOnce(&Provenance) -> bool) -> Result<()> {
     let target = target.as_ref();
     if !target.is_file() || !is_exr(target) || provenance(target).is_ok_and(|found| own(&found)) {
         return Ok(());
     }
-    Err(Error::new(ErrorKind::Usage, "is a picture that is there already, and this program did not write it")
-        .remedy("name the result otherwise, or remove what is there")
-        .in_file(target))
+    let what = "is a picture that is there already, and this program did not write it";
+    Err(Error::new(ErrorKind::Usage, what).in_file(target))
 }
