@@ -271,7 +271,10 @@ impl Document {
         if let Some(packed) = packed.filter(|_| Zip::is_for(header)) {
             block.data.resize(bytes, 0);
             let whole = match shrunk {
-                None => Some(block.data.copy_from_slice(packed)),
+                None => {
+                    block.data.copy_from_slice(packed);
+                    Some(())
+                }
                 Some(packed) => zip.decompress(packed, &mut block.data),
             };
             if whole.is_some() {
