@@ -199,7 +199,7 @@ fn a_block_of_dwa_that_announces_too_much_is_refused() {
     let size = (19, 37);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("dwa.exr");
-    let channels = channels(size, &["R", "G", "B", "A", "depth.Z"]).into();
+    let channels = channels(size, &["R", "G", "B", "A", "depth.Z"]);
     write_one(&path, layer(None, size, (0, 0), scan_lines(Compression::DWAA(None)), channels));
     let bytes = std::fs::read(&path).unwrap();
     survive(&bytes).unwrap();

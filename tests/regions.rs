@@ -46,7 +46,7 @@ fn write_regions(
     survey.sign("quick");
     let (width, height) = survey.size();
     let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick()).unwrap();
-    facts.add_outliers(&survey.read(part.read()).unwrap(), &part, &quick()).unwrap();
+    facts.add_outliers(survey.read(part.read()).unwrap(), &part, &quick()).unwrap();
     let write = |(i, region): (usize, &Rect)| {
         let part = Part::new(*region, survey.size(), &quick(), &facts).unwrap();
         let frame = survey.read(part.read()).unwrap();
