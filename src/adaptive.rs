@@ -110,8 +110,8 @@ fn check(renderer: &Renderer, options: &AdaptiveOptions) -> Result<()> {
     if options.rounds < 2 {
         return usage("fewer than 2 rounds leave nothing to adapt".to_owned(), "give 2 rounds or more");
     }
-    let least = options.rounds + LEAST_FIRST - 1;
-    if options.spp < least {
+    let least = u64::from(options.rounds) + u64::from(LEAST_FIRST) - 1;
+    if u64::from(options.spp) < least {
         let what = format!(
             "an spp of {} is too little for {} rounds, the first of {LEAST_FIRST} samples",
             options.spp, options.rounds

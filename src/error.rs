@@ -37,6 +37,9 @@ impl ErrorKind {
     }
 }
 
+/// The exit code of a program that is done, but whose estimated error is above the one that was asked for.
+pub const TARGET_NOT_MET: u8 = 10;
+
 /// An error with its place and its remedy. Build it with [`Error::new`] and the `in_…`, `remedy`
 /// methods, outermost caller last: `Error::new(kind, "…").in_channel("R").in_file(path)`.
 #[derive(Debug, Clone, PartialEq, Eq)]

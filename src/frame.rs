@@ -322,7 +322,7 @@ pub struct Denoised {
     /// The frame's further pictures, through the same operator, in the same order.
     pub aovs: Vec<Aov>,
     /// Estimated mean squared error of `color`, averaged over its channels; never negative. 0 everywhere
-    /// where the method has no estimate (only baselines; the summary's notes say so).
+    /// where the method has no estimate (only baselines; the summary's notes say so): see [`Self::has_estimate`].
     pub mse: Plane,
     /// Polynomial order that was chosen, averaged over the fits that cover the pixel: 0 to 3.
     pub order: Plane,
@@ -334,6 +334,11 @@ pub struct Denoised {
 }
 
 impl Denoised {
+    /// Whether `mse` is an estimate: some of it is above 0.
+    pub fn has_estimate(&self) -> bool {
+        self.mse.data().iter().any(|&mse| mse > 0.0)
+    }
+
     /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
     #[must_use]
     pub fn begin(&self, (width, height): (usize, usize)) -> Self {

@@ -13,7 +13,7 @@ fn unlikeness(a: &str, b: &str) -> (bool, usize) {
 }
 
 /// How many letters must be put in, taken out or changed to make `b` of `a` (Levenshtein).
-fn edits(a: &str, b: &str) -> usize {
+pub(crate) fn edits(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, letter) in a.chars().enumerate() {

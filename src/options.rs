@@ -155,7 +155,7 @@ impl Kernel {
 pub enum OrderChoice {
     /// The order with the least risk (Moon et al. 2016).
     Hard,
-    /// All orders, weighted by exp(−2 (ξ_k / ξ_min − 1)).
+    /// All orders, weighted by exp(−8 (ξ_k / ξ_min − 1)).
     Soft,
     /// Every orthonormal component is shrunk by its own signal-to-noise ratio; in the first stage, which has no pilot
     /// to tell it, as `Soft`.

@@ -17,7 +17,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("metrics", &["error", "image", "tone"]),
     ("io", &["error", "image", "frame", "likeness"]),
     ("report", &["error", "image", "tone", "metrics"]),
-    ("trace", &["error", "image", "frame"]),
+    ("trace", &["error", "image", "frame", "likeness"]),
     ("sampling", &["error", "image", "frame", "metrics"]),
     // The rounds of a render: the one place that knows both the tracer and the denoiser.
     ("adaptive", &["error", "image", "frame", "options", "denoise", "metrics", "sampling", "trace"]),

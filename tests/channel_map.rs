@@ -376,6 +376,26 @@ fn the_other_half_follows_from_the_mean() {
 }
 
 #[test]
+fn one_mapped_channel_of_a_statistic_is_that_of_all_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = ["R", "G", "B", "V.Y", "W.Y", "normal.X", "normal.Y", "normal.Z"];
+    let map = ["variance=V.Y", "halfB=V.Y", "normalVariance=W.Y", "normalHalfA=W.Y"];
+    let options = ReadOptions { map: map.map(|m| m.parse().unwrap()).to_vec(), ..ReadOptions::default() };
+    let picture = picture(folder.path(), &names, &[], &options);
+    let (frame, pixels) = (picture.frame(), SIZE.0 * SIZE.1);
+    let (v, w) = (values(pixels, 3), values(pixels, 4));
+    let [normal] = frame.features() else { panic!("{:?}", frame.features()) };
+    let ([a, b], [of_normal, _]) = (frame.halves().unwrap(), normal.halves.as_ref().unwrap());
+    for c in 0..3 {
+        assert_eq!(frame.color_var_of_mean().unwrap()[c].data(), v);
+        assert_eq!((b[c].data(), of_normal[c].data()), (&v[..], &w[..]));
+        assert_eq!(normal.var_of_mean.as_ref().unwrap()[c].data(), w);
+        let other: Vec<f32> = frame.color()[c].data().iter().zip(&v).map(|(m, b)| 2.0 * m - b).collect();
+        assert_eq!(a[c].data(), other, "the half that is lacking follows from the mean");
+    }
+}
+
+#[test]
 fn two_seeds_become_one_render_with_halves() {
     let folder = tempfile::tempdir().unwrap();
     let count = SIZE.0 * SIZE.1;
@@ -518,9 +538,13 @@ fn what_is_lacking_or_senseless_is_told_with_a_remedy() {
         let complaint = error(&["R", "G", "B"], &map(&format!("{role}=R,G")));
         assert!(complaint.starts_with("4 ") && complaint.contains(&format!("'{role}' is mapped to 2")));
     }
-    let twice =
+    let maps =
         |maps: [&str; 2]| ReadOptions { map: maps.map(|m| m.parse().unwrap()).to_vec(), ..plain.clone() };
-    let complaint = error(&["R", "G", "B", "Z"], &twice(["depth=Z", "Depth=R"]));
+    for two in [["color=R", "variance=V"], ["normal=V", "normalVariance=V.R,V.G"]] {
+        let complaint = error(&["R", "G", "B", "V.R", "V.G", "V.B"], &maps(two));
+        assert!(complaint.starts_with("4 ") && complaint.contains("a statistic of "), "{complaint}");
+    }
+    let complaint = error(&["R", "G", "B", "Z"], &maps(["depth=Z", "Depth=R"]));
     assert!(complaint.starts_with("2 ") && complaint.contains("'Depth' is mapped twice"), "{complaint}");
     let complaint = error(&["R", "G", "B", "Albedo.R", "Albedo.G", "N.X"], &map("albedo=Albdo.R"));
     assert!(complaint.contains("there are 'Albedo.R', 'Albedo.G', "), "the likest first: {complaint}");

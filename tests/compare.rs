@@ -66,7 +66,9 @@ fn exit_codes_tell_usage_missing_broken_and_unwritable_apart() {
     assert_eq!(code(&[&good, &folder.join("missing.exr")]), Some(3));
     assert_eq!(code(&[&broken, &good]), Some(4));
     assert_eq!(code(&[&good, &good, Path::new("--heatmap"), &folder.join("no/such/folder.png")]), Some(2));
+    let named = picture(folder.join("picture.png"), 1.0);
     for option in ["--heatmap", "--side-by-side"] {
+        assert_eq!(code(&[&good, &good, Path::new(option), &named]), Some(2), "it is an EXR");
         let output = compare(&[&good, &good, Path::new(option), &folder.join("h.jpg")]);
         let message = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{message}");

@@ -176,7 +176,7 @@ fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
     for y in (0..size.1).step_by(50) {
         let rows = Rect { x: 0, y, width: size.0, height: 50.min(size.1 - y) };
         let part = Part::of_outliers(rows, size, options).unwrap();
-        facts.add_outliers(&crop(frame, part.read()), &part, options).unwrap();
+        facts.add_outliers(crop(frame, part.read()), &part, options).unwrap();
     }
     let part = Part::new(wanted, size, options, &facts).unwrap();
     denoise_part(crop(frame, part.read()), &part, &facts, options, &Silent).unwrap()

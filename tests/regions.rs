@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use crate::exr_files::*;
 use apr::denoise::{Facts, Part, Silent, denoise_part};
-use apr::image::Rect;
+use apr::image::{Rect, black};
 use apr::io::{Picture, ReadOptions, Survey, merge};
 use apr::options::Kernel;
-use apr::{ErrorKind, Options, denoise};
+use apr::{Aov, ErrorKind, Frame, Options, denoise};
 use assert_cmd::Command;
 use exr::prelude::*;
 
@@ -46,7 +46,7 @@ fn write_regions(
     survey.sign("quick");
     let (width, height) = survey.size();
     let part = Part::of_outliers(Rect { x: 0, y: 0, width, height }, (width, height), &quick()).unwrap();
-    facts.add_outliers(&survey.read(part.read()).unwrap(), &part, &quick()).unwrap();
+    facts.add_outliers(survey.read(part.read()).unwrap(), &part, &quick()).unwrap();
     let write = |(i, region): (usize, &Rect)| {
         let part = Part::new(*region, survey.size(), &quick(), &facts).unwrap();
         let frame = survey.read(part.read()).unwrap();
@@ -344,4 +344,33 @@ fn what_passes_through_a_region_is_not_held() {
         let peak = stage["peak_memory_bytes"].as_u64().unwrap_or(0);
         assert!(peak < others, "{stage}: {others} bytes pass through");
     }
+}
+
+#[test]
+fn the_result_of_another_picture_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = fixture("trace/foliage.exr");
+    let survey = Survey::open(&input, &ReadOptions::default(), 0, |_| {}).unwrap();
+    let (width, height) = survey.size();
+    let result = |width, height| denoise(Frame::new(black(width, height)).unwrap(), &quick()).unwrap();
+    let (small, mut more, mut torn) = (result(8, 6), result(width, height), result(width, height));
+    more.aovs.push(Aov { name: "key".into(), color: more.color.clone() });
+    torn.mse = small.mse.clone();
+    let path = folder.path().join("out.exr");
+    let here = Rect { x: 0, y: 0, width, height };
+    let beyond = Rect { x: 1, ..here };
+    let whole = result(width, height);
+    let refused = [
+        survey.write(&path, &small, true).err(),
+        survey.write(&path, &more, true).err(),
+        survey.write(&path, &torn, true).err(),
+        survey.write_region(&path, here, &small, false).err(),
+        survey.write_region(&path, beyond, &whole, false).err(),
+        survey.sums(&more).err(),
+        survey.sums(&torn).err(),
+    ];
+    for (i, error) in refused.into_iter().enumerate() {
+        assert_eq!(error.map(|error| error.kind()), Some(ErrorKind::Usage), "case {i}");
+    }
+    assert!(!path.exists());
 }

@@ -81,3 +81,22 @@ fn a_page_that_would_replace_what_it_is_made_of_is_refused() {
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
 }
+
+/// Before any work: the reference is not there either.
+#[test]
+fn a_folder_that_takes_no_page_and_senseless_numbers_are_told_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
+    std::fs::write(&file, "").unwrap();
+    let code = |further: [&str; 2]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_apr-compare"));
+        command.args(["sweep", "a.exr", "--reference", "none.exr"]).args(further);
+        command.current_dir(folder.path()).output().unwrap().status.code()
+    };
+    assert_eq!(code(["--out", "file/page"]), Some(5));
+    for number in ["0", "NaN", "-1", "inf"] {
+        assert_eq!(code(["--sample-seconds", number]), Some(2), "{number}");
+        assert_eq!(code(["--spp", number]), Some(2), "{number}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}

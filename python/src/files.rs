@@ -133,7 +133,7 @@ pub fn denoise_exr<'py>(
         picture.sign(by.to_string());
         let denoised = apr::denoise(picture.frame(), &options)?;
         let notes = picture.write(&output, &denoised, aux)?;
-        let sums = picture.sums(&denoised);
+        let sums = picture.sums(&denoised)?;
         Ok((picture, denoised, sums, notes))
     };
     let (picture, denoised, sums, notes) = py.detach(|| threads.run(work))?.map_err(raised)?;

@@ -4,14 +4,10 @@ use crate::denoise::Facts;
 use crate::denoise::exposure::{expose, unexpose_error};
 use crate::denoise::sanitize::{self, Clean};
 use crate::denoise::{prefilter, variance};
-use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
+use crate::frame::{Aov, Denoised, Feature, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
-use crate::options::PrefilterOptions;
+use crate::options::{Options, PrefilterOptions};
 use std::borrow::Cow;
-
-/// Kinds of features that the regressions use: those of the pipeline's default.
-const KINDS: [FeatureKind; 4] =
-    [FeatureKind::Normal, FeatureKind::Albedo, FeatureKind::Depth, FeatureKind::Other];
 
 /// A frame without NaN and infinity, at an exposure at which absolute constants are meant.
 pub struct Input<'a> {
@@ -72,14 +68,15 @@ impl<'a> Input<'a> {
         self.clean.targets().collect()
     }
 
-    /// The features of the kinds that a regression uses, each with its number in the frame.
+    /// The features of the kinds that a regression uses, the pipeline's by default, each with its number in the frame.
     pub fn feature_list(&self) -> impl Iterator<Item = (usize, &Feature)> {
+        let kinds = Options::default().features;
         self.clean
             .features
             .iter()
             .map(|feature| &**feature)
             .enumerate()
-            .filter(|(_, feature)| KINDS.contains(&feature.kind))
+            .filter(move |(_, feature)| kinds.contains(&feature.kind))
     }
 
     /// The feature planes for a regression, prefiltered, constant ones left out; their names go into the

@@ -160,7 +160,7 @@ impl Denoiser {
     /// Whether the error in `denoised`, a result of this method, is an estimate. Of the others than the pipeline those that
     /// have none leave it at 0; the pipeline's may be 0, where there is no noise.
     pub fn has_estimate(&self, denoised: &Denoised) -> bool {
-        self.pipeline().is_some() || denoised.mse.data().iter().any(|&mse| mse > 0.0)
+        self.pipeline().is_some() || denoised.has_estimate()
     }
 
     /// Every option with its value, by the names that [`Denoiser::with`] takes.
@@ -224,8 +224,7 @@ impl Denoiser {
     /// Denoises a part of a picture, as [`denoise_part`] does it.
     ///
     /// # Errors
-    /// When an option is out of its range, the frame is not of the part's size, or the method is not the
-    /// pipeline and needs the whole picture.
+    /// As [`denoise_part`]; when the method is not the pipeline and needs the whole picture.
     pub fn denoise_part<'a>(
         &self,
         frame: impl Into<Cow<'a, Frame>>,

@@ -9,7 +9,7 @@
 //! much as its light is like the middle's: by min/max of √l. What a lamp may be wrong by is not the wall's beside it, nor is the
 //! wall's the lamp's. Estimated over true relMSE, its geometric mean and the factor that is one deviation over the scenes:
 //!
-//! | | spp | ξ^¼ Δ^(3/2) σ^½ over 5×5, before | E |
+//! | | spp | ξ^¼ Δ^(3/2) σ^½ over 5×5 | E |
 //! |---|--:|--:|--:|
 //! | five scenes | 16 | 3.20, ×3.5 | 0.81, ×1.8 |
 //! | | 64 | 2.09, ×2.2 | 0.97, ×1.6 |

@@ -29,6 +29,7 @@ use crate::image::{Plane, Rect, Rgb};
 use crate::options::Options;
 use rayon::prelude::*;
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 /// Pixels from one node to the next.
 const SPACING: usize = 32;
@@ -40,6 +41,17 @@ pub struct Energy {
     columns: usize,
     nodes: Vec<Node>,
     pixels: usize,
+    memo: Memo,
+}
+
+/// What was worked out of the rest, and the witnesses that were asked for. It tells nothing of its own.
+#[derive(Debug, Clone, Default)]
+struct Memo(OnceLock<(f32, Gains)>);
+
+impl PartialEq for Memo {
+    fn eq(&self, _: &Self) -> bool {
+        true
+    }
 }
 
 /// What belongs to a node.
@@ -59,6 +71,15 @@ struct Asked {
     witnesses: f64,
     /// Whether there must be some light, for each of the colour's channels.
     light: [bool; 3],
+}
+
+/// What was taken out and goes back to a window.
+struct Gift<'a> {
+    /// Of each target.
+    taken: &'a [f64],
+    window: Rect,
+    /// Of the colour's channels, in the window.
+    light: [f64; 3],
 }
 
 /// What multiplies and is added to every target to give it back its energy.
@@ -108,17 +129,19 @@ pub fn gains(
     if !options.outliers.enabled {
         return Ok(None);
     }
+    let (width, height) = part.picture;
     let energy = match &facts.energy {
-        Some(energy) => Cow::Borrowed(energy),
+        Some(energy) if energy.pixels == width * height => Cow::Borrowed(energy),
         None if part.is_whole() => {
             let mut energy = Energy::default();
             energy.add(ready.signal.color(), &ready.removed, part.within(), part.wanted.y);
             Cow::Owned(energy)
         }
-        None => {
-            let what = "the outliers of the picture around the part are not known";
+        known => {
+            let (known, pixels) = (known.as_ref().map_or(0, |energy| energy.pixels), width * height);
+            let what = format!("the outliers of {known} pixels are known where the picture has {pixels}");
             let error = Error::new(ErrorKind::Usage, what);
-            return Err(error.remedy("give all rows to Facts::add_outliers first"));
+            return Err(error.remedy("give every row to Facts::add_outliers first, once"));
         }
     };
     let gains = energy.gains(options.outliers.witnesses);
@@ -134,6 +157,7 @@ impl Energy {
     /// picture's row `y`: the colour without its outliers, and what was `removed`.
     pub fn add(&mut self, color: [&Plane; 3], removed: &Removed, rows: Rect, y: usize) {
         let Removed { outliers, taken } = removed;
+        self.memo = Memo::default();
         self.columns = rows.width.div_ceil(SPACING) + 1;
         let last = y + rows.height;
         self.nodes.resize((last.div_ceil(SPACING) + 1) * self.columns, Node::default());
@@ -172,35 +196,46 @@ impl Energy {
         }
     }
 
-    /// The gains of every target where windows hold `witnesses`.
+    /// The gains of every target where windows hold `witnesses`; worked out once for all parts of a picture.
     pub fn gains(&self, witnesses: f32) -> Gains {
+        let Memo(memo) = &self.memo;
+        let (known, gains) = memo.get_or_init(|| (witnesses, self.work_out(witnesses)));
+        if *known == witnesses { gains.clone() } else { self.work_out(witnesses) }
+    }
+
+    fn work_out(&self, witnesses: f32) -> Gains {
         let sources = || (0..self.nodes.len()).filter(|&node| !self.nodes[node].taken.is_empty());
         let targets = sources().next().map_or(0, |node| self.nodes[node].taken.len());
-        let mut gains = Gains {
-            columns: self.columns,
-            gains: vec![vec![0.0; self.nodes.len()]; targets],
-            even: vec![0.0; targets],
-            share: 1.0,
-        };
         let whole = Rect::whole((self.columns, self.nodes.len() / self.columns.max(1)));
         let asked =
             Asked { witnesses: witnesses.into(), light: self.sum(whole, |node| node.light).map(|l| l > 0.0) };
         let local = self.holds(whole, &asked);
+        let mut share = 1.0;
         if !local && targets > 0 {
             let [sum, squares] = self.sum(whole, |node| node.witnesses);
-            gains.share = (1.0 - squares / (sum * sum)).clamp(0.0, 1.0);
+            share = (1.0 - squares / (sum * sum)).clamp(0.0, 1.0);
         }
+        let nodes: Vec<usize> = sources().collect();
+        let window = |node| local.then(|| self.window(node, whole, &asked)).flatten();
+        let windows: Vec<Option<Rect>> = nodes.par_iter().map(|node| window(*node)).collect();
         // What goes to the whole picture is given back at once.
         let mut rest = vec![0.0; targets];
-        for node in sources() {
+        let mut gifts: Vec<(&[f64], Rect)> = vec![];
+        for (node, window) in nodes.into_iter().zip(windows) {
             let taken = &self.nodes[node].taken;
-            match local.then(|| self.window(node, whole, &asked)).flatten() {
-                Some(window) => self.give(taken, window, &mut gains),
-                None => rest.iter_mut().zip(taken).for_each(|(rest, taken)| *rest += gains.share * taken),
+            match window {
+                Some(window) => gifts.push((taken, window)),
+                None => rest.iter_mut().zip(taken).for_each(|(rest, taken)| *rest += share * taken),
             }
         }
-        self.give(&rest, whole, &mut gains);
-        gains
+        gifts.push((&rest, whole));
+        let gifts = gifts.into_par_iter().map(|(taken, window)| {
+            let light = self.sum(window, |node| node.light);
+            Gift { taken, window, light }
+        });
+        let gifts: Vec<Gift> = gifts.collect();
+        let (gains, even) = (0..targets).into_par_iter().map(|t| self.give(&gifts, t)).unzip();
+        Gains { columns: self.columns, gains, even, share }
     }
 
     /// The nodes that the energy of `node` goes to; none where that is the whole lattice.
@@ -226,19 +261,20 @@ impl Energy {
         })
     }
 
-    /// Adds to the gains what gives `taken` back to `window`.
-    fn give(&self, taken: &[f64], window: Rect, gains: &mut Gains) {
-        let light = self.sum(window, |node| node.light);
-        for (t, &taken) in taken.iter().enumerate() {
-            let light = light[t % 3];
+    /// What gives target `t` back all `gifts`: at the nodes, and for every pixel.
+    fn give(&self, gifts: &[Gift<'_>], t: usize) -> (Vec<f64>, f64) {
+        let (mut gains, mut even) = (vec![0.0; self.nodes.len()], 0.0);
+        for Gift { taken, window, light } in gifts {
+            let (taken, light) = (taken[t], light[t % 3]);
             if light > 0.0 {
                 for (i, j) in window.pixels() {
-                    gains.gains[t][j * self.columns + i] += taken / light;
+                    gains[j * self.columns + i] += taken / light;
                 }
             } else {
-                gains.even[t] += taken / self.pixels as f64;
+                even += taken / self.pixels as f64;
             }
         }
+        (gains, even)
     }
 }
 
@@ -359,6 +395,26 @@ mod tests {
             }
             assert_eq!(parts, whole, "{heights:?}");
         }
+    }
+
+    #[test]
+    fn gains_that_were_worked_out_are_of_these_rows_and_witnesses_alone() {
+        let plane = Plane::from_fn(70, 50, |x, y| 0.3 + ((x * 7 + y * 13) % 11) as f32);
+        let outliers: Vec<Outlier> =
+            (0..20).map(|k| Outlier { x: 3 * k, y: 2 * k + 5, from: (0, 0) }).collect();
+        let taken: Vec<f32> = (0..20).map(|k| 1.0 + k as f32).collect();
+        let twice = |between: &dyn Fn(&Energy)| {
+            let mut twice = energy(&plane, &outliers, &taken);
+            between(&twice);
+            let removed = Removed { outliers: outliers.clone(), taken: vec![taken.clone(); 3] };
+            twice.add([&plane; 3], &removed, Rect::whole(plane.size()), 50);
+            twice
+        };
+        let (fresh, asked) = (|| twice(&|_| ()), twice(&|once| drop(once.gains(4.0))));
+        for witnesses in [4.0, 8.0, 4.0, 64.0] {
+            assert_eq!(asked.gains(witnesses), fresh().gains(witnesses), "{witnesses}");
+        }
+        assert_ne!(asked.gains(4.0), asked.gains(64.0));
     }
 
     #[test]

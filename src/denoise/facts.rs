@@ -11,11 +11,11 @@ use super::observer::Log;
 use super::part::Part;
 use super::prepare::without_outliers;
 use super::sanitize::{good_feature, good_feature_variance, good_radiance, good_variance, limited_feature};
-use crate::error::Result;
-use crate::frame::{Feature, Frame};
+use crate::error::{Error, ErrorKind, Result};
+use crate::frame::{Feature, FeatureKind, Frame, Outline};
 use crate::image::Plane;
 use crate::options::Options;
-use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// What must be known of a whole picture before a part of it can be denoised alone.
 ///
@@ -23,6 +23,12 @@ use rayon::prelude::*;
 /// [`denoise_part`](super::denoise_part) for any part; with the same options throughout.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Facts {
+    /// Of the rows that were added; none before the first.
+    kinds: Option<Kinds>,
+    /// Some rows had other kinds than the first.
+    mixed: bool,
+    /// So many rows were added.
+    rows: usize,
     light: Light,
     color: [Range; 3],
     variance: Option<[Noise; 3]>,
@@ -31,6 +37,28 @@ pub struct Facts {
     aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
     pub(super) energy: Option<Energy>,
+}
+
+/// What all portions of a picture's rows have in common.
+#[derive(Debug, Clone, PartialEq)]
+struct Kinds {
+    width: usize,
+    /// The features' names, what they describe, and how many planes each has.
+    features: Vec<(String, FeatureKind, usize)>,
+    /// The AOVs' names.
+    aovs: Vec<String>,
+    /// Whether there are variances and halves: of the colour, then of every feature.
+    statistics: Vec<[bool; 2]>,
+}
+
+impl Kinds {
+    fn of(frame: &Frame) -> Self {
+        let Outline { size: (width, _), features, aovs, .. } = frame.outline();
+        let of_color = [frame.color_var_of_mean().is_some(), frame.halves().is_some()];
+        let of_features = frame.features().iter().map(|f| [f.var_of_mean.is_some(), f.halves.is_some()]);
+        let statistics = std::iter::once(of_color).chain(of_features).collect();
+        Self { width, features, aovs, statistics }
+    }
 }
 
 /// What is known of a feature.
@@ -109,10 +137,14 @@ struct Noise {
 }
 
 impl Noise {
-    /// Adds a variance, or the distance of the halves, of some pixel.
-    fn add(&mut self, noise: f32) {
-        self.known = true;
-        self.noisy |= noise > 0.0;
+    /// Adds the variances, or the distances of the halves, of some pixels: until one is noisy, which has no more to say.
+    fn add_all(&mut self, pixels: impl IntoIterator<Item = f32>) {
+        for noise in pixels {
+            if self.noisy {
+                return;
+            }
+            (self.known, self.noisy) = (true, noise > 0.0);
+        }
     }
 }
 
@@ -133,67 +165,91 @@ impl Facts {
         facts
     }
 
-    /// Adds the next rows, in their full width. Every call has the same kinds of planes.
+    /// Adds the next rows, in their full width. Every call has the same kinds of planes: where one has not,
+    /// [`denoise_part`](super::denoise_part) refuses these facts.
     pub fn add(&mut self, rows: &Frame) {
+        let kinds = Kinds::of(rows);
+        self.rows += rows.height();
+        self.mixed |= *self.kinds.get_or_insert_with(|| kinds.clone()) != kinds;
         self.aovs.resize(rows.aovs().len(), [false; 3]);
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
         }
-        let mut features = std::mem::take(&mut self.features);
-        let add_features = || {
-            let planes = features.par_iter_mut().zip(rows.features());
-            planes.for_each(|(facts, feature)| facts.add(feature));
-        };
-        rayon::join(|| (0..rows.height()).for_each(|y| self.add_colors(rows, y)), add_features);
-        self.features = features;
+        let Self { light, color, variance, halves, aovs, features, .. } = self;
+        // Every sum is of one task, which adds in order: so the bits are those of a loop.
+        rayon::scope(|tasks| {
+            tasks.spawn(move |_| add_light(light, rows));
+            for (range, plane) in color.iter_mut().zip(rows.color()) {
+                tasks.spawn(move |_| {
+                    plane.data().iter().filter(|v| good_radiance(**v)).for_each(|v| range.add(*v))
+                });
+            }
+            if let Some(planes) = rows.color_var_of_mean() {
+                let noise = variance.get_or_insert_default();
+                tasks.spawn(move |_| add_variance(noise, planes, good_variance));
+            }
+            if let Some(planes) = rows.halves() {
+                let noise = halves.get_or_insert_default();
+                let planes = planes.each_ref().map(|half| &half[..]);
+                tasks.spawn(move |_| add_halves(noise, planes, good_radiance, |v| v));
+            }
+            for (known, aov) in aovs.iter_mut().zip(rows.aovs()) {
+                tasks.spawn(move |_| {
+                    for (known, plane) in known.iter_mut().zip(&aov.color) {
+                        *known = *known || plane.data().iter().any(|v| good_radiance(*v));
+                    }
+                });
+            }
+            for (facts, feature) in features.iter_mut().zip(rows.features()) {
+                tasks.spawn(move |_| facts.add(feature));
+            }
+        });
     }
 
     /// Adds the energy of the outliers of the next rows, `part.wanted` in their full width, of a picture all of
     /// whose rows were [added](Self::add) before; `frame` holds what [`Part::of_outliers`] has read.
     ///
     /// # Errors
-    /// When an option is out of its range, or the frame is not of the part's size.
-    pub fn add_outliers(&mut self, frame: &Frame, part: &Part, options: &Options) -> Result<()> {
+    /// When an option is out of its range, the frame is not of the part's size, or these are not the facts of its
+    /// picture.
+    pub fn add_outliers<'a>(
+        &mut self,
+        frame: impl Into<Cow<'a, Frame>>,
+        part: &Part,
+        options: &Options,
+    ) -> Result<()> {
+        let frame = frame.into();
         options.check()?;
-        part.check(frame)?;
+        part.check(&frame)?;
+        self.check(&frame, part)?;
         let (known, log) = (self.known(), &mut Log::silent());
-        let (clean, removed) = without_outliers(frame.into(), &known, self.exposure(), part, options, log);
+        let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log);
         let energy = self.energy.get_or_insert_default();
         energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
         Ok(())
     }
 
-    /// Adds row `y` of the colour, its statistics and the AOVs.
-    fn add_colors(&mut self, rows: &Frame, y: usize) {
-        self.add_radiance(rows, y);
-        if let Some(variance) = rows.color_var_of_mean() {
-            let noise = self.variance.get_or_insert_default();
-            add_variance(noise, variance, y, good_variance);
+    /// Refuses a frame of another picture than the one whose rows were added, each once.
+    pub(super) fn check(&self, frame: &Frame, part: &Part) -> Result<()> {
+        let foreign = |what: String| {
+            let remedy = "give every row of the picture that the frame is a part of to Facts::add, once";
+            Err(Error::new(ErrorKind::Usage, what).remedy(remedy))
+        };
+        let known = (self.kinds.as_ref().map_or(0, |kinds| kinds.width), self.rows);
+        if known != part.picture {
+            let ((width, height), (columns, rows)) = (part.picture, known);
+            return foreign(format!(
+                "the facts are of {columns}×{rows} pixels where the picture is {width}×{height}"
+            ));
         }
-        if let Some(halves) = rows.halves() {
-            let noise = self.halves.get_or_insert_default();
-            add_halves(noise, halves.each_ref().map(|half| &half[..]), y, good_radiance, |v| v);
+        if self.mixed
+            || self.kinds.as_ref().is_some_and(|kinds| Kinds { width: known.0, ..Kinds::of(frame) } != *kinds)
+        {
+            return foreign(
+                "the facts are of other features, AOVs or statistics than the frame has".to_owned(),
+            );
         }
-    }
-
-    fn add_radiance(&mut self, rows: &Frame, y: usize) {
-        let color = rows.color().each_ref().map(|plane| plane.row(y));
-        let good = |x: usize| color.iter().enumerate().filter(move |(_, row)| good_radiance(row[x]));
-        let luminances = (0..rows.width()).filter_map(|x| {
-            let (sum, n) = good(x).fold((0.0, 0.0), |(sum, n), (_, row)| (sum + f64::from(row[x]), n + 1.0));
-            (n > 0.0).then(|| sum / n)
-        });
-        self.light.add_row(luminances);
-        for x in 0..rows.width() {
-            for (c, row) in good(x) {
-                self.color[c].add(row[x]);
-            }
-        }
-        for (known, aov) in self.aovs.iter_mut().zip(rows.aovs()) {
-            for (known, plane) in known.iter_mut().zip(&aov.color) {
-                *known |= plane.row(y).iter().any(|v| good_radiance(*v));
-            }
-        }
+        Ok(())
     }
 
     /// What is a number at any pixel.
@@ -261,13 +317,11 @@ impl FeatureFacts {
             let good = plane.data().iter().filter(|v| good_feature(feature.kind, **v));
             good.for_each(|v| range.add(limited_feature(*v)));
         }
-        for y in 0..feature.planes.first().map_or(0, Plane::height) {
-            if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
-                add_variance(noise, variance, y, good_feature_variance);
-            }
-            if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
-                add_halves(noise, [a, b], y, |v| good_feature(feature.kind, v), limited_feature);
-            }
+        if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
+            add_variance(noise, variance, good_feature_variance);
+        }
+        if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
+            add_halves(noise, [a, b], |v| good_feature(feature.kind, v), limited_feature);
         }
     }
 
@@ -290,32 +344,43 @@ impl FeatureFacts {
     }
 }
 
-/// Adds row `y` of the variances of some planes, of which one that is noisy has no more to say.
-fn add_variance(noise: &mut [Noise], variance: &[Plane], y: usize, good: impl Fn(f32) -> bool) {
-    for (noise, plane) in noise.iter_mut().zip(variance).filter(|(noise, _)| !noise.noisy) {
-        plane.row(y).iter().filter(|v| good(**v)).for_each(|v| noise.add(*v));
+/// Adds the luminance of the pixels, of the channels that are good there.
+fn add_light(light: &mut Light, rows: &Frame) {
+    for y in 0..rows.height() {
+        let color = rows.color().each_ref().map(|plane| plane.row(y));
+        light.add_row((0..rows.width()).filter_map(|x| {
+            let good = color.iter().map(|row| row[x]).filter(|v| good_radiance(*v));
+            let (sum, n) = good.fold((0.0, 0.0), |(sum, n), v| (sum + f64::from(v), n + 1.0));
+            (n > 0.0).then(|| sum / n)
+        }));
     }
 }
 
-/// Adds row `y` of both halves of some planes, where both are good, `limited`.
+/// Adds the variances of some planes.
+fn add_variance(noise: &mut [Noise], variance: &[Plane], good: impl Fn(f32) -> bool) {
+    for (noise, plane) in noise.iter_mut().zip(variance) {
+        noise.add_all(plane.data().iter().copied().filter(|v| good(*v)));
+    }
+}
+
+/// Adds both halves of some planes, where both are good, `limited`.
 fn add_halves(
     noise: &mut [Noise],
     [a, b]: [&[Plane]; 2],
-    y: usize,
     good: impl Fn(f32) -> bool,
     limited: impl Fn(f32) -> f32,
 ) {
-    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)).filter(|(noise, _)| !noise.noisy) {
-        let pairs = a.row(y).iter().zip(b.row(y)).filter(|(a, b)| good(**a) && good(**b));
+    for (noise, (a, b)) in noise.iter_mut().zip(a.iter().zip(b)) {
+        let pairs = a.data().iter().zip(b.data()).filter(|(a, b)| good(**a) && good(**b));
         // Not by the square of the difference, which may be no number that there is.
-        pairs.for_each(|(a, b)| noise.add((limited(*a) - limited(*b)).abs()));
+        noise.add_all(pairs.map(|(a, b)| (limited(*a) - limited(*b)).abs()));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::FeatureKind;
+    use crate::denoise::{Silent, denoise_part};
     use crate::image::{Rect, Rgb};
 
     const SIZE: (usize, usize) = (9, 7);
@@ -365,5 +430,37 @@ mod tests {
         let halves = |bad: f32| flat().with_halves([half(bad), half(1.0)]).unwrap();
         assert!(!Facts::of(&halves(f32::INFINITY)).has_noise());
         assert!(Facts::of(&halves(2.0)).has_noise());
+    }
+
+    #[test]
+    fn facts_of_another_picture_are_refused() {
+        let depth = |name: &str| Feature::new(name, FeatureKind::Depth, rgb(|x, _| x as f32)[..1].to_vec());
+        let frame =
+            |f: &str| Frame::new(rgb(|x, y| (x * y) as f32)).and_then(|frame| frame.with_feature(depth(f)));
+        let (picture, options) = (frame("depth").unwrap(), Options::default());
+        let (right, mut twice, mut mixed) = (Facts::of(&picture), Facts::of(&picture), Facts::default());
+        twice.add(&picture);
+        let height = SIZE.1 - 2;
+        let upper = Frame::new(rows(picture.color(), 0, height).try_into().unwrap()).unwrap();
+        let lower = Frame::new(rows(picture.color(), height, 2).try_into().unwrap());
+        let narrow =
+            Feature::new("depth", FeatureKind::Depth, rows(&picture.features()[0].planes, height, 2));
+        [upper.clone(), lower.and_then(|lower| lower.with_feature(narrow)).unwrap()]
+            .iter()
+            .for_each(|f| mixed.add(f));
+        let part = Part::whole(SIZE);
+        let facts = [Facts::default(), twice, mixed, Facts::of(&upper), Facts::of(&frame("z").unwrap())];
+        for mut facts in facts {
+            let error = denoise_part(&picture, &part, &facts, &options, &Silent).unwrap_err();
+            assert_eq!(error.kind(), ErrorKind::Usage);
+            assert!(error.to_string().starts_with("the facts are of "), "{error}");
+            assert!(facts.add_outliers(&picture, &part, &options).is_err());
+        }
+        let mut outliers_twice = right.clone();
+        outliers_twice.add_outliers(&picture, &part, &options).unwrap();
+        assert!(denoise_part(&picture, &part, &outliers_twice, &options, &Silent).is_ok());
+        outliers_twice.add_outliers(&picture, &part, &options).unwrap();
+        let error = denoise_part(&picture, &part, &outliers_twice, &options, &Silent).unwrap_err();
+        assert!(error.to_string().contains("Facts::add_outliers"), "{error}");
     }
 }

@@ -14,7 +14,7 @@ use super::gram::Gram;
 /// A pivot below this share of its column's energy counts as zero. The Gram matrices are good to 1e-6,
 /// so what is kept has at least three digits. `[choice]` 1e-4, 1e-3, 3e-3 and 1e-2: relMSE ×1.004, ×1, ×0.999 and ×1.003 on
 /// five scenes, ×1.011, ×1, ×0.995 and ×0.991 on thirteen others (16 to 256 spp). Beyond 1e-3 a picture and its transpose
-/// differ visibly: of two columns that explain one another the latter is dropped. At 1e-5 a prototype gave NaN.
+/// differ visibly: of two columns that explain one another the latter is dropped. 1e-5 may give NaN.
 pub const PIVOT_THRESHOLD: f64 = 1e-3;
 
 /// Numbers that are taken at once.

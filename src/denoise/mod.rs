@@ -90,7 +90,7 @@ pub fn denoise_in_sequence<'a>(
 /// [`Part::read`]. They get the very bits that they have when the picture is denoised as a whole.
 ///
 /// # Errors
-/// When an option is out of its range, or the frame is not of the part's size.
+/// When an option is out of its range, the frame is not of the part's size, or the facts are of another picture.
 pub fn denoise_part<'a>(
     frame: impl Into<Cow<'a, Frame>>,
     part: &Part,
@@ -111,6 +111,7 @@ fn run(
 ) -> Result<Denoised> {
     options.check()?;
     part.check(&frame)?;
+    facts.check(&frame, part)?;
     let (log, outline) = (&mut Log::new(observer), frame.outline());
     if !facts.has_noise() {
         log.begin(Stage::Sanitize);

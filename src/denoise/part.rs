@@ -64,6 +64,8 @@ fn told(options: &Options) -> usize {
 pub struct Part {
     pub(super) wanted: Rect,
     pub(super) read: Rect,
+    /// Width and height of the picture.
+    pub(super) picture: (usize, usize),
 }
 
 /// The rectangle, where it has pixels and all of them are in a picture of `size`.
@@ -80,7 +82,7 @@ fn inside(wanted: Rect, size: (usize, usize)) -> Result<Rect> {
 impl Part {
     /// All of a picture.
     pub fn whole(size: (usize, usize)) -> Self {
-        Self { wanted: Rect::whole(size), read: Rect::whole(size) }
+        Self { wanted: Rect::whole(size), read: Rect::whole(size), picture: size }
     }
 
     /// The part `wanted` of a picture of `size`, of which `facts` are known.
@@ -89,7 +91,8 @@ impl Part {
     /// When it has no pixel or does not lie inside the picture.
     pub fn new(wanted: Rect, size: (usize, usize), options: &Options, facts: &Facts) -> Result<Self> {
         let read = inside(wanted, size)?.grown(reach(options, facts.noise_is_estimated()), size);
-        Ok(Self { wanted, read: if options.coarse { read.in_whole_blocks(size) } else { read } })
+        let read = if options.coarse { read.in_whole_blocks(size) } else { read };
+        Ok(Self { wanted, read, picture: size })
     }
 
     /// What must be read of a picture of `size` to find the outliers of its pixels `wanted` (see
@@ -99,7 +102,7 @@ impl Part {
     /// As [`Self::new`].
     pub fn of_outliers(wanted: Rect, size: (usize, usize), options: &Options) -> Result<Self> {
         let reach = sanitize::REACH + told(options);
-        Ok(Self { wanted, read: inside(wanted, size)?.grown(reach, size) })
+        Ok(Self { wanted, read: inside(wanted, size)?.grown(reach, size), picture: size })
     }
 
     /// The pixels to denoise, in the picture's coordinates.

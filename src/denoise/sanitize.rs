@@ -1,8 +1,8 @@
 //! Stage 1: NaN, infinities and values beyond all measure are repaired from their neighbours, counted.
 //!
 //! A pixel whose colour is bad is repaired in its AOVs and half buffers too, by the mean of its good
-//! neighbours, so that what sums before sums after. An AOV or half that is bad where the colour is good is
-//! repaired alone and costs the colour nothing. Blocks are filled from their rim inwards. A plane that is a
+//! neighbours, so that what sums before sums after; and in its variance, which is of what was bad: so is a feature's.
+//! An AOV, half or variance that is bad where the colour is good is repaired alone and costs the colour nothing. Blocks are filled from their rim inwards. A plane that is a
 //! number nowhere is left out, and costs the others nothing.
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
@@ -158,8 +158,8 @@ pub(crate) fn apply<'a>(
     summary.negative_color = negative(&clean.color, counted);
     if let Some(variance) = &mut clean.variance {
         blacken(variance, &known.color);
-        let bad = bad_pixels(&*variance, good_variance);
-        summary.repaired_variance = repair(variance.iter_mut(), &bad, counted);
+        let bad = either(bad_pixels(&*variance, good_variance), &bad_color);
+        summary.repaired_variance = repair(variance.iter_mut(), &bad, counted) - summary.repaired_color;
     }
     let features = std::mem::take(&mut clean.features).into_par_iter().zip(&known.features);
     let repaired: Vec<_> = features.map(|(feature, known)| repair_feature(feature, known, counted)).collect();
@@ -215,9 +215,9 @@ fn repair_feature<'a>(
     let mut in_variances = 0;
     if let Some(variance) = &mut feature.var_of_mean {
         blacken(variance, &known.planes);
-        let bad = bad_pixels(&*variance, good_feature_variance);
+        let bad = either(bad_pixels(&*variance, good_feature_variance), &bad);
         variance.iter_mut().for_each(|plane| plane.change(|v| v.min(LARGEST_FEATURE * LARGEST_FEATURE)));
-        in_variances = repair(variance.iter_mut(), &bad, counted);
+        in_variances = repair(variance.iter_mut(), &bad, counted) - in_planes;
     }
     (Cow::Owned(feature), [in_planes, in_halves, in_variances])
 }
@@ -368,6 +368,33 @@ mod tests {
         let [red, green, blue] = picture();
         assert_eq!(clean.aovs[1], [red, Plane::filled(3, 2, 0.0), blue], "{green:?} was no number");
         assert!(summary.notes[0].starts_with("broken.G is a number at no pixel"), "{:?}", summary.notes);
+    }
+
+    #[test]
+    fn what_is_repaired_has_the_variance_of_its_neighbours() {
+        let with = |value: f32, bad: f32| -> Rgb {
+            std::array::from_fn(|_| Plane::from_fn(5, 5, |x, y| if (x, y) == (2, 2) { bad } else { value }))
+        };
+        let depth = |value, variance| {
+            let [plane, ..] = with(3.0, value);
+            let [variance, ..] = with(0.5, variance);
+            Feature::new("depth", FeatureKind::Depth, vec![plane]).with_variance_of_mean(vec![variance])
+        };
+        let frame = |color: f32, variance: f32, feature: Feature| {
+            let frame =
+                Frame::new(with(1.0, color)).and_then(|f| f.with_variance_of_mean(with(0.25, variance)));
+            frame.and_then(|f| f.with_feature(feature)).unwrap()
+        };
+        let mut summary = Summary::default();
+        let broken = frame(f32::INFINITY, 1e10, depth(f32::NAN, 1e10));
+        let (got, whole) = (applied(&broken, &mut summary), frame(1.0, 0.25, depth(3.0, 0.5)));
+        let expected = applied(&whole, &mut Summary::default());
+        assert_eq!(
+            (got.color, got.variance, got.features),
+            (expected.color, expected.variance, expected.features)
+        );
+        let counts = (summary.repaired_color, summary.repaired_features, summary.repaired_variance);
+        assert_eq!(counts, (1, 1, 0), "what is repaired with the colour is counted with it");
     }
 
     #[test]

@@ -7,6 +7,7 @@
 use super::variance::{around, smooth};
 use crate::frame::FeatureKind;
 use crate::image::{Plane, Rgb};
+use rayon::prelude::*;
 
 /// What the ways there and back may differ by, in pixels: both are rounded, and means over a pixel.
 const LARGEST_GAP: f32 = 1.5;
@@ -101,8 +102,8 @@ pub fn distrust_surfaces(trust: &mut Plane, kind: FeatureKind, here: &Plane, the
         FeatureKind::Visibility | FeatureKind::Position | FeatureKind::Other => f32::INFINITY,
     };
     let (width, height) = here.size();
-    for y in 0..height {
-        for x in 0..width {
+    trust.rows_mut().enumerate().for_each(|(y, trust)| {
+        for (x, trust) in trust.iter_mut().enumerate() {
             let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
             for ny in y.saturating_sub(1)..(y + 2).min(height) {
                 let row = &here.row(ny)[x.saturating_sub(1)..(x + 2).min(width)];
@@ -110,10 +111,10 @@ pub fn distrust_surfaces(trust: &mut Plane, kind: FeatureKind, here: &Plane, the
             }
             let (value, slack) = (there.get(x, y), slack(here.get(x, y)));
             if value < low - slack || value > high + slack {
-                trust.data_mut()[y * width + x] = 0.0;
+                *trust = 0.0;
             }
         }
-    }
+    });
 }
 
 /// How far the light on every pixel is the same in both frames, 0 to 1, against what its noise lets expect: a

@@ -86,7 +86,7 @@ pub(super) struct Given {
 /// `choices` begin with the colour, each feature's mean stands before its companions.
 ///
 /// # Errors
-/// `Lacking` when the colour does not have one or three channels.
+/// `Lacking` when the colour does not have one or three channels, or a statistic another number than its mean.
 pub(super) fn assemble(
     choices: &[Choice],
     mut planes: Planes,
@@ -100,7 +100,7 @@ pub(super) fn assemble(
     });
     let samples = Samples::new(given.spp, counts);
 
-    let color = planes.group(choices, Role::Color, "").settle("color", given.kind, &samples, remarks);
+    let color = planes.group(choices, Role::Color, "").settle("color", given.kind, &samples, remarks)?;
     let mut frame = Frame::new(rgb(color.mean)?)?;
     if let Some(variance) = color.variance {
         frame = frame.with_variance_of_mean(rgb(variance)?)?;
@@ -110,7 +110,7 @@ pub(super) fn assemble(
     }
     for Choice { target: Target { role, feature: name, statistic }, channels } in choices {
         let (Role::Feature(kind), Statistic::Mean) = (*role, statistic) else { continue };
-        let settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks);
+        let settled = planes.group(choices, *role, name).settle(name, given.kind, &samples, remarks)?;
         let mut feature = Feature::new(name.clone(), kind, settled.mean);
         feature.var_of_mean = settled.variance;
         feature.halves = settled.halves;
@@ -177,23 +177,30 @@ struct Settled {
 }
 
 impl Group {
+    /// # Errors
+    /// `Lacking` when a statistic does not have the mean's number of channels.
     fn settle(
         self,
         name: &str,
         given: Option<VarianceKind>,
         samples: &Samples,
         remarks: &mut Remarks,
-    ) -> Settled {
+    ) -> Result<Settled> {
         let Group { mean, variance, halves } = self;
-        let same_count = |planes: &Vec<Plane>| planes.len() == mean.len();
+        let planes = variance.iter().map(|(_, planes)| planes).chain(halves.iter().flatten());
+        for planes in planes {
+            check_count(name, planes.len(), mean.len())?;
+        }
         let halves = match halves {
-            [Some(a), b] if same_count(&a) => {
-                let b = b.filter(same_count).unwrap_or_else(|| other_half(&mean, &a));
+            [Some(a), Some(b)] => Some([a, b]),
+            [Some(a), None] => {
+                let b = other_half(&mean, &a);
                 Some([a, b])
             }
-            _ => None,
+            [None, Some(b)] => Some([other_half(&mean, &b), b]),
+            [None, None] => None,
         };
-        let stored = variance.filter(|(_, planes)| same_count(planes) && given != Some(VarianceKind::Halves));
+        let stored = variance.filter(|_| given != Some(VarianceKind::Halves));
         let variance = stored.and_then(|(statistic, mut planes)| {
             let Statistic::Variance(by_name) = statistic else { return None };
             let kind = given.unwrap_or(by_name);
@@ -206,16 +213,26 @@ impl Group {
                 }
             }
         });
-        Settled { mean, variance, halves }
+        Ok(Settled { mean, variance, halves })
     }
 }
 
-/// `2·mean − A`.
-fn other_half(mean: &[Plane], a: &[Plane]) -> Vec<Plane> {
-    let other = |(mean, a): (&Plane, &Plane)| {
-        Plane::par_from_fn(mean.width(), mean.height(), |x, y| 2.0 * mean.get(x, y) - a.get(x, y))
+/// Refuses statistics of `name` that have another number of channels than its mean.
+fn check_count(name: &str, got: usize, expected: usize) -> Result<()> {
+    if got == expected {
+        return Ok(());
+    }
+    let or_one = if expected > 1 { " (or 1)" } else { "" };
+    let what = format!("a statistic of {name} has {got} channels where {expected}{or_one} were expected");
+    Err(Error::new(ErrorKind::Lacking, what).remedy("map it to the channels that its mean has, or to none"))
+}
+
+/// `2·mean − half`.
+fn other_half(mean: &[Plane], half: &[Plane]) -> Vec<Plane> {
+    let other = |(mean, half): (&Plane, &Plane)| {
+        Plane::par_from_fn(mean.width(), mean.height(), |x, y| 2.0 * mean.get(x, y) - half.get(x, y))
     };
-    mean.iter().zip(a).map(other).collect()
+    mean.iter().zip(half).map(other).collect()
 }
 
 /// Three planes as they are, or one for all three channels.

@@ -237,8 +237,7 @@ fn remove_strays(target: &Path) {
     }
 }
 
-/// Whether this stands for a temporary file's writer in its name: a process's number and a number by chance, which
-/// names of earlier versions lack.
+/// Whether this stands for a temporary file's writer in its name: a process's number, and mostly a number by chance.
 fn is_writer(text: &str) -> bool {
     let (process, chance) = text.split_once('.').unwrap_or((text, "0"));
     let digits = |text: &str, radix| !text.is_empty() && text.chars().all(|digit| digit.is_digit(radix));

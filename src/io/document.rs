@@ -377,7 +377,7 @@ pub(super) fn packed_bytes(block: &CompressedBlock) -> Option<&[u8]> {
 
 /// A file that is opened when its first block is read.
 #[derive(Default)]
-struct Reader(Option<BufReader<File>>);
+pub(super) struct Reader(Option<BufReader<File>>);
 
 /// What a thread needs to decode blocks.
 struct Worker {
@@ -415,8 +415,11 @@ impl Worker {
 }
 
 impl Reader {
-    /// Reads a block of a part, compressed as it is.
-    fn chunk(&mut self, document: &Document, part: usize, index: usize) -> Result<Chunk> {
+    /// Reads a block of a part of its document, compressed as it is.
+    ///
+    /// # Errors
+    /// As [`Document::for_each_block`].
+    pub(super) fn chunk(&mut self, document: &Document, part: usize, index: usize) -> Result<Chunk> {
         let file = match &mut self.0 {
             Some(file) => file,
             closed => {

@@ -9,10 +9,11 @@ use crate::frame::{Aov, Feature, Frame};
 use crate::image::{Plane, Rgb};
 
 /// Two frames of the same scene with independent seeds as one: means of both, with both as halves. The
-/// variance is kept where both have one; what only one has keeps that one's. The motion is the first's.
+/// variance is kept where both have one. A feature that only the first has is as it is there, one that only the second
+/// has is left out. The motion is the first's.
 ///
 /// # Errors
-/// `Lacking` when they differ in size.
+/// `Lacking` when they differ in size, or an AOV is only in the first.
 pub(super) fn merge_halves(a: &Frame, b: &Frame) -> Result<Frame> {
     if (a.width(), a.height()) != (b.width(), b.height()) {
         return Err(Error::new(

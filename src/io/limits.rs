@@ -18,6 +18,7 @@ use exr::meta::header::Header;
 use exr::prelude::{Compression, Vec2};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::image::can_be_had;
 
 /// The most pixels a part may have: 16384 × 16384. One plane of them takes 1 GiB.
 pub const MAX_PIXELS: u64 = 1 << 28;
@@ -93,10 +94,7 @@ pub(super) fn check_planes(planes: usize, (width, height): (usize, usize)) -> Re
 /// # Errors
 /// `Unreadable`, with the remedy, where it has not so many: below a limit of the process, or at all.
 pub(super) fn check_memory(bytes: u64, what: &str) -> Result<()> {
-    let mut probe = Vec::<u8>::new();
-    let given = usize::try_from(bytes).is_ok_and(|bytes| probe.try_reserve_exact(bytes).is_ok());
-    std::hint::black_box(&mut probe); // what nobody looks at would not be asked for
-    if given {
+    if can_be_had(bytes) {
         return Ok(());
     }
     Err(unreadable(format!("takes {bytes} bytes for {what}, more than this process can have"))

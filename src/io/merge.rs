@@ -8,7 +8,7 @@ use exr::meta::header::Header;
 
 use super::atomic::write_picture_atomically;
 use super::canvas::write_in_strips;
-use super::document::{Document, in_line_order};
+use super::document::{Document, Reader, in_line_order};
 use super::encode::{encode_error, through_encoder};
 use super::limits;
 use super::region::{Cover, Mark};
@@ -188,23 +188,26 @@ fn copy_blocks(
         .map(|piece| Cover::of_part(header, piece.document.headers()[part].data_window()))
         .collect();
     let holder = |index: usize| {
-        pieces.iter().zip(&covers).find_map(|(piece, cover)| {
+        covers.iter().enumerate().find_map(|(n, cover)| {
             let cover = cover.as_ref()?;
-            Some((piece, cover, cover.index_within(index)?))
+            Some((n, cover, cover.index_within(index)?))
         })
     };
+    // One file is open at a time: there may be more regions than a process may open files.
+    let (mut open, mut reader) = (0, Reader::default());
     let order = in_line_order(header, (0..header.chunk_count).collect());
     for index in order {
-        let Some((piece, cover, within)) = holder(index) else {
+        let Some((n, cover, within)) = holder(index) else {
             let what = format!("block {index} of part {part} is in no region");
             let error = Error::new(ErrorKind::Unreadable, what).remedy("denoise the regions again");
             return Err(through_encoder(error));
         };
-        let copied = piece.document.for_each_chunk_of(part, vec![within], |within, chunk| {
-            let (index, chunk) = cover.put_back(within, chunk);
-            writer.write_chunk(index, chunk).map_err(encode_error)
-        });
-        copied.map_err(through_encoder)?;
+        if n != open {
+            (open, reader) = (n, Reader::default());
+        }
+        let chunk = reader.chunk(&pieces[n].document, part, within).map_err(through_encoder)?;
+        let (index, chunk) = cover.put_back(within, chunk);
+        writer.write_chunk(index, chunk)?;
     }
     Ok(())
 }

@@ -65,6 +65,20 @@ fn write_channels(path: &Path, header: Header, channels: &[(Text, &Plane)]) -> R
     })
 }
 
+/// Who wrote it, as files tell.
+const SOFTWARE: &str = "apr-denoise";
+
+/// The attribute that holds a render's seed.
+const SEED: &str = "seed";
+
+/// Whether a file whose first part has this header, as [`attributes::keep`](super::attributes::keep) leaves it, was
+/// written by [`write_frame`] with a seed.
+pub(super) fn is_seeded(header: &Header) -> bool {
+    let attributes = &header.own_attributes.other;
+    let is_own = |value: &AttributeValue| matches!(value, AttributeValue::Custom { bytes, .. } if bytes[..] == *SOFTWARE.as_bytes());
+    attributes.get(&Text::from("software")).is_some_and(is_own) && attributes.contains_key(&Text::from(SEED))
+}
+
 fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {
     let list = channels.iter().map(|(name, _)| ChannelDescription::named(name.clone(), SampleType::F32));
     let mut header = Header::new(Text::from("apr"), size, list.collect()).with_encoding(
@@ -73,7 +87,7 @@ fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {
         LineOrder::Increasing,
     );
     header.own_attributes.layer_name = None; // a file of one part needs no name
-    header.own_attributes.software_name = Some(Text::from("apr-denoise"));
+    header.own_attributes.software_name = Some(Text::from(SOFTWARE));
     header
 }
 
@@ -91,7 +105,7 @@ fn exr_header(frame: &Frame, tell: &FrameHeader, channels: &[(Text, &Plane)]) ->
             |_| AttributeValue::Text(Text::from(seed.to_string().as_str())),
             AttributeValue::I32,
         );
-        other.insert(Text::from("seed"), value);
+        other.insert(Text::from(SEED), value);
     }
     header
 }

@@ -78,7 +78,10 @@ impl Picture {
     }
 
     /// As [`Survey::sums`].
-    pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
+    ///
+    /// # Errors
+    /// `Usage` when `denoised` is of another picture: it has other AOVs.
+    pub fn sums(&self, denoised: &Denoised) -> Result<Vec<SumCheck>> {
         self.survey.sums(denoised)
     }
 
@@ -90,7 +93,8 @@ impl Picture {
     /// As [`Survey::write`].
     ///
     /// # Errors
-    /// `Unwritable` when the folder or the disk does not take it; `target` is then as it was.
+    /// `Usage` when `denoised` is of another picture; `Unwritable` when the folder or the disk does not take it:
+    /// `target` is then as it was.
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         self.survey.write(target, denoised, aux)
     }

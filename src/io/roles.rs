@@ -242,15 +242,20 @@ impl<'a> Casting<'a> {
         Some(Candidate { mean, companions, evidence: Evidence::Name, layer, around })
     }
 
-    /// The statistics of `mean`, as mapped by the user or as named after its `layer`.
+    /// The statistics of `mean`, as mapped by the user or as named after its `layer`: as many channels as it has, the
+    /// only one for all of them, unless the user maps another number.
     fn companions(&self, layer: usize, mean: &Choice) -> Vec<Choice> {
         let (role, feature) = (mean.target.role, mean.target.feature.as_str());
         let is_color = matches!(role, Role::Color | Role::ColorCopy | Role::ColorXyz);
         let target = |statistic| Target { role, feature: feature.to_owned(), statistic };
         let mut found: Vec<Choice> = Vec::new();
         for slot in [Statistic::Variance(super::VarianceKind::Mean), Statistic::HalfA, Statistic::HalfB] {
-            if let Some(mapped) = self.mapped(role, feature, slot) {
-                found.push(mapped.clone());
+            if let Some(Choice { target, channels }) = self.mapped(role, feature, slot) {
+                let channels = match channels.as_slice() {
+                    [only] => vec![*only; mean.channels.len()],
+                    several => several.to_vec(),
+                };
+                found.push(Choice { target: target.clone(), channels });
                 continue;
             }
             let rows = self.companion_rows().filter(|row| {
@@ -361,9 +366,10 @@ pub(super) fn has_variance(choices: &[Choice]) -> bool {
     })
 }
 
-/// The statistics of a copy of the colour are the colour's, where it has none itself.
+/// The statistics of a copy of the colour are the colour's, where it has none itself and as many channels.
 fn adopt_statistics(choices: &mut Vec<Choice>, companions: &[Choice]) {
-    for companion in companions {
+    let channels = choices[0].channels.len();
+    for companion in companions.iter().filter(|companion| companion.channels.len() == channels) {
         let target = Target { role: Role::Color, ..companion.target.clone() };
         let there =
             |c: &Choice| c.target.role == Role::Color && same_slot(c.target.statistic, target.statistic);

@@ -180,14 +180,36 @@ impl Survey {
         merged.map(|frame| (frame, None)).map_err(|error| in_file(source, error))
     }
 
-    /// Whether the components that ought to sum to the beauty do so, before and after.
-    pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
+    /// Whether the components that ought to sum to the beauty do so, before and after; `denoised` holds the picture, or
+    /// a part of it.
+    ///
+    /// # Errors
+    /// `Usage` when `denoised` is of another picture: it has other AOVs.
+    pub fn sums(&self, denoised: &Denoised) -> Result<Vec<SumCheck>> {
+        self.check(denoised, denoised.color[0].size())?;
         let after = |sum: &Sum| {
             let addends: Vec<&Rgb> = sum.addends.iter().map(|&i| &denoised.aovs[i].color).collect();
             Deviation::of(&denoised.color, &addends)
         };
         let checks = self.layout.sums.iter().zip(&self.main.sums);
-        checks.map(|(before, sum)| SumCheck { after: Some(after(sum)), ..before.clone() }).collect()
+        Ok(checks.map(|(before, sum)| SumCheck { after: Some(after(sum)), ..before.clone() }).collect())
+    }
+
+    /// Refuses the result of another picture than this one, of which it is to hold so many columns and rows.
+    fn check(&self, denoised: &Denoised, size: (usize, usize)) -> Result<()> {
+        let (got, expected) = (denoised.aovs.len(), self.main.aovs.len());
+        if got != expected {
+            return Err(foreign(format!("the result has {got} AOVs where the picture has {expected}")));
+        }
+        let Denoised { color, aovs, mse, order, .. } = denoised;
+        let planes = color.iter().chain(aovs.iter().flat_map(|aov| &aov.color)).chain([mse, order]);
+        match planes.map(Plane::size).find(|got| *got != size) {
+            Some((width, height)) => {
+                let (columns, rows) = size;
+                Err(foreign(format!("the result is {width}×{height} where {columns}×{rows} was expected")))
+            }
+            None => Ok(()),
+        }
     }
 
     /// Has the results say in their attribute `apr.settings` what they were made by;
@@ -206,9 +228,11 @@ impl Survey {
     /// bit. Returns what the user should know.
     ///
     /// # Errors
-    /// `Unwritable` when the folder or the disk does not take it; `target` is then as it was.
+    /// `Usage` when `denoised` is of another picture; `Unwritable` when the folder or the disk does not take it:
+    /// `target` is then as it was.
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
-        let (replacements, additions) = self.results(denoised, aux)?;
+        self.check(denoised, self.size())?;
+        let (replacements, additions) = self.results(denoised, aux);
         let document = &self.main.documents[0];
         rewrite(document, target.as_ref(), &replacements, &additions, self.signature())
     }
@@ -218,7 +242,7 @@ impl Survey {
     /// [`Self::write`] would have written.
     ///
     /// # Errors
-    /// As [`Self::write`].
+    /// As [`Self::write`]; `Usage` too when the region is not inside the picture.
     pub fn write_region(
         &self,
         target: impl AsRef<Path>,
@@ -226,7 +250,11 @@ impl Survey {
         denoised: &Denoised,
         aux: bool,
     ) -> Result<Vec<String>> {
-        let (replacements, additions) = self.results(denoised, aux)?;
+        if !Rect::whole(self.size()).holds(region) {
+            return Err(foreign(format!("the region {region:?} is not inside the picture")));
+        }
+        self.check(denoised, region.size())?;
+        let (replacements, additions) = self.results(denoised, aux);
         let sources = std::iter::once(&self.main).chain(&self.half);
         let mut inputs = Vec::new();
         for document in sources.flat_map(|source| &source.documents) {
@@ -238,16 +266,7 @@ impl Survey {
     }
 
     /// What `denoised` puts in the place of which channels, and what it adds.
-    fn results<'a>(
-        &self,
-        denoised: &'a Denoised,
-        aux: bool,
-    ) -> Result<(Vec<Replacement<'a>>, Vec<Addition<'a>>)> {
-        let (got, expected) = (denoised.aovs.len(), self.main.aovs.len());
-        if got != expected {
-            let what = format!("the result has {got} AOVs where the picture has {expected}");
-            return Err(Error::new(ErrorKind::Usage, what).remedy("denoise the frame of this very picture"));
-        }
+    fn results<'a>(&self, denoised: &'a Denoised, aux: bool) -> (Vec<Replacement<'a>>, Vec<Addition<'a>>) {
         let components = self.main.aovs.iter().zip(&denoised.aovs).map(|(places, aov)| (places, &aov.color));
         let replace = |(places, rgb): (&Vec<ChannelAt>, &'a Rgb)| {
             let pairs = places.iter().zip(rgb).map(|(&at, plane)| Replacement { at, plane });
@@ -260,7 +279,7 @@ impl Survey {
             additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
             additions.push(Addition { name: "apr.order.Y", plane: &denoised.order });
         }
-        Ok((replacements, additions))
+        (replacements, additions)
     }
 
     fn nothing_seen(&self) -> Seen {
@@ -311,6 +330,10 @@ impl Survey {
         }
         Ok(())
     }
+}
+
+fn foreign(what: String) -> Error {
+    Error::new(ErrorKind::Usage, what).remedy("denoise the frame of this very picture")
 }
 
 /// Tells of a file that is a result itself: what noise it still has is none that anything here expects.

@@ -122,8 +122,8 @@ pub fn calibration_charts(sweep: &Sweep) -> Vec<Chart> {
         let equal = Series { name: "equal".into(), points: equal, line: true, discs: false };
         Chart {
             title: format!("Estimated and true error, {}", input.name),
-            x: "estimated squared error".into(),
-            y: "true squared error".into(),
+            x: "estimated relative squared error".into(),
+            y: "true relative squared error".into(),
             series: std::iter::once(equal).chain(runs).collect(),
         }
     };

@@ -5,7 +5,7 @@ use super::math::Vec3;
 use super::sample::{FEATURES, SECOND_FEATURES, Sample};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion};
-use crate::image::{Plane, Rgb};
+use crate::image::{Plane, Rgb, can_be_had};
 
 /// Sums over the samples of one pixel, in `f64`: their differences are taken later.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -290,8 +290,7 @@ fn check_memory(width: usize, height: usize, buffers: &Buffers) -> Result<()> {
         + of(buffers.motion, size_of::<[f64; 4]>())
         + buffers.groups.len() as u64 * size_of::<[f64; 3]>() as u64;
     let bytes = 2 * per_pixel * (width * height) as u64;
-    let had = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
-    if had {
+    if can_be_had(bytes) {
         return Ok(());
     }
     let gigabytes = bytes as f64 / 1e9;
@@ -305,7 +304,7 @@ fn check_memory(width: usize, height: usize, buffers: &Buffers) -> Result<()> {
 /// A feature's name and kind, and which of a pixel's numbers are its own.
 type Layer = (&'static str, FeatureKind, std::ops::Range<usize>);
 
-const FIRST_LAYERS: [Layer; 5] = [
+pub(super) const FIRST_LAYERS: [Layer; 5] = [
     ("albedo", FeatureKind::Albedo, 0..3),
     ("normal", FeatureKind::Normal, 3..6),
     ("position", FeatureKind::Position, 6..9),

@@ -1,7 +1,7 @@
 //! Animation: a frame is a piece of the scene's motion, and knows where what it shows is in the frames
 //! beside it.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::camera::Camera;
 use super::math::Ray;
@@ -9,8 +9,7 @@ use super::world::{Hit, World};
 use crate::error::{Error, ErrorKind, Result};
 
 /// One of the frames that a scene's motion, from `transform` to `motion`, is cut into.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct AnimationFrame {
     /// Its number, 1 to `count`.
     number: u32,

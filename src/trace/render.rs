@@ -1,7 +1,7 @@
 //! Rendering in passes.
 
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::film::{Buffers, Film, Row};
 use super::motion::AnimationFrame;
@@ -13,7 +13,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 
 /// Options of a render.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct RenderOptions {
     /// Samples per pixel, at least 1; 16 by default.

@@ -1,6 +1,6 @@
 //! What one path brings home, and which of it is recorded.
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::bsdf::Bsdf;
 use super::math::Vec3;
@@ -8,7 +8,7 @@ use super::plan::effect;
 use super::shape::Surface;
 
 /// At which surface the features are recorded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeatureMode {
     /// None are recorded.

@@ -80,6 +80,12 @@ fn what_cannot_be_rendered_in_rounds_is_refused() {
     let options = AdaptiveOptions::default;
     assert!(refused(AdaptiveOptions { rounds: 1, ..options() }, 0).contains("give 2 rounds"));
     assert!(refused(AdaptiveOptions { spp: 4, ..options() }, 0).contains("an spp of 5"));
+    for spp in [4, u32::MAX] {
+        assert!(
+            refused(AdaptiveOptions { spp, rounds: u32::MAX, ..options() }, 0)
+                .contains("an spp of 4294967296")
+        );
+    }
     assert!(refused(AdaptiveOptions { target_error: Some(-1.0), ..options() }, 0).contains("above 0"));
     assert!(refused(options(), 1).contains("begun already"));
 }

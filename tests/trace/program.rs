@@ -262,6 +262,8 @@ fn a_render_in_rounds_writes_its_counts_and_reports_every_round() {
     assert!(counts.iter().any(|&n| n != 9.0));
     assert_eq!(picture.frame().spp(), Some(9.0));
 
+    let missed = adaptive(&["--spp", "5", "--rounds", "2", "--target-error", "1e-9", "-q"]);
+    assert!(missed.status.code() == Some(10) && missed.stdout.is_empty());
     let met = adaptive(&["--spp", "9", "--rounds", "3", "--target-error", "1000"]);
     assert!(met.status.success());
     let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
@@ -312,6 +314,96 @@ fn files_that_would_replace_each_other_are_refused() {
         assert!(output.status.code() == Some(2) && said.contains(words), "{said}");
         assert!(std::fs::read(&scene).unwrap() == before && !out.exists());
     }
+}
+
+#[test]
+fn no_picture_is_replaced_that_the_tracer_did_not_write() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));
+    let report = folder.path().join("report.json");
+    let run = |further: &[&str]| {
+        let mut command = program();
+        command.arg(&scene).arg(&out).arg("--report").arg(&report).args(["-q", "--spp", "2"]).args(further);
+        let output = command.output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    for _ in 0..2 {
+        assert_eq!(run(&[]), (Some(0), String::new()), "its own render may be replaced");
+    }
+    let foreign = scenes().join("../blender/room_seed1.exr");
+    for place in [&out, &report] {
+        let before = std::fs::read(place).unwrap();
+        std::fs::copy(&foreign, place).unwrap();
+        let (code, said) = run(&[]);
+        assert!(code == Some(2) && said.contains("is a picture") && said.contains("--overwrite"), "{said}");
+        assert_eq!(std::fs::read(place).unwrap(), std::fs::read(&foreign).unwrap());
+        std::fs::write(place, before).unwrap();
+    }
+    std::fs::copy(&foreign, &out).unwrap();
+    assert_eq!(run(&["--overwrite"]).0, Some(0));
+}
+
+#[test]
+fn an_empty_checkpoint_is_called_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [12, 10]), folder.path().join("out.exr"));
+    std::fs::write(folder.path().join("out.exr.checkpoint"), "").unwrap();
+    let output = program().arg(&scene).arg(&out).args(["--reference", "2"]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(3) && said.contains("is empty or damaged"), "{said}");
+}
+
+#[test]
+fn a_checkpoint_that_cannot_be_written_ends_no_render() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [48, 36]), folder.path().join("out.exr"));
+    let checkpoint = folder.path().join("out.exr.checkpoint");
+    let mut reference = program();
+    reference.arg(&scene).arg(&out).args(["--reference", "400", "--checkpoint-every", "0"]);
+    let running = reference.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    first_checkpoint(&checkpoint);
+    while std::fs::create_dir(&checkpoint).is_err() {
+        let _ = std::fs::remove_file(&checkpoint); // it may be written anew in between
+    }
+    let done = running.wait_with_output().unwrap();
+    let said = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.success() && out.exists(), "{said}");
+    assert_eq!(said.matches("warning: ").count(), 1, "{said}");
+}
+
+/// The checkpoints of its own accord are far away when the first one is taken from it.
+#[cfg(unix)]
+#[test]
+fn a_reference_that_is_told_to_stop_keeps_its_samples() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, out) = (write_scene(folder.path(), [16, 12]), folder.path().join("out.exr"));
+    let checkpoint = folder.path().join("out.exr.checkpoint");
+    for (signal, code) in [("-TERM", 143), ("-INT", 130)] {
+        let mut reference = program();
+        reference.arg(&scene).arg(&out).args(["--reference", "2000000000", "--checkpoint-every", "2", "-q"]);
+        let mut running = reference.spawn().unwrap();
+        first_checkpoint(&checkpoint);
+        std::fs::remove_file(&checkpoint).unwrap();
+        Command::new("kill").args([signal, &running.id().to_string()]).status().unwrap();
+        assert_eq!(running.wait().unwrap().code(), Some(code));
+        assert!(std::fs::metadata(&checkpoint).unwrap().len() > 0);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "the scene and the checkpoint");
+        std::fs::remove_file(&checkpoint).unwrap();
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn names_of_any_bytes_are_reported() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, report) = (write_scene(folder.path(), [12, 10]), folder.path().join("report.json"));
+    let out = folder.path().join(std::ffi::OsStr::from_bytes(b"out\xff.exr"));
+    let mut command = program();
+    command.arg(&scene).arg(&out).args(["-q", "--spp", "1", "--report"]).arg(&report);
+    assert!(command.status().unwrap().success());
+    let told: serde_json::Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    assert!(told["output"].as_str().unwrap().ends_with("out\u{fffd}.exr"));
 }
 
 #[cfg(target_os = "linux")]

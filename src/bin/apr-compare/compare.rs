@@ -146,7 +146,10 @@ fn check_files(arguments: &CompareArguments) -> Result<()> {
     io::check_apart(read, written.iter().copied())
         .map_err(|error| error.remedy("give what is written a name of its own"))?;
     written.iter().try_for_each(|file| {
-        io::check_ending_of(file.path, "png", "PNG").and_then(|()| io::check_target(file.path))
+        io::check_ending_of(file.path, "png", "PNG")
+            .and_then(|()| io::check_replaced(file.path, |_| false))
+            .map_err(|error| error.remedy("name it otherwise, or remove what is there"))
+            .and_then(|()| io::check_target(file.path))
     })
 }
 

@@ -8,6 +8,8 @@ mod compare;
 mod failure;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+#[path = "../apr-denoise/numbers.rs"]
+mod numbers;
 mod processor;
 mod sweep;
 #[path = "../apr-denoise/threads.rs"]

@@ -13,6 +13,7 @@ use apr::{Error, ErrorKind, Frame, Result};
 use serde::Deserialize;
 
 use crate::answer::complain;
+use crate::numbers::positive;
 use crate::processor;
 use crate::variants::{Variant, read_text, variants};
 
@@ -43,10 +44,10 @@ pub struct SweepArguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
     /// What one more sample of every pixel takes the renderer, for the table of equal times.
-    #[arg(long, value_name = "SECONDS")]
+    #[arg(long, value_name = "SECONDS", value_parser = positive::<f64>, allow_negative_numbers = true)]
     sample_seconds: Option<f64>,
     /// Samples per pixel, where a single input's header lacks it.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = positive::<f32>, allow_negative_numbers = true)]
     spp: Option<f32>,
 }
 
@@ -70,6 +71,7 @@ pub fn run(arguments: &SweepArguments) -> Result<String> {
     let rivals = rivals(arguments.rivals.as_deref())?;
     check_files(arguments, &variants, &rivals)?;
     tell_of_strangers(arguments, &rivals);
+    make_folder(&arguments.out)?; // before hours of work, not after
     let reference_file = Picture::read(&arguments.reference, &ReadOptions::default())?;
     let reference = reference_file.frame().color();
     let read = ReadOptions { spp: arguments.spp, ..ReadOptions::default() };
@@ -156,7 +158,7 @@ impl Trial<'_> {
             processor_seconds = [processor_seconds, spent].into_iter().flatten().reduce(f64::min);
         }
         let denoised = denoised.expect("every setting runs at least once");
-        let estimated = denoised.mse.data().iter().any(|&mse| mse > 0.0); // not all methods do
+        let estimated = denoised.has_estimate(); // not all methods do
         let calibrate = || metrics::calibration(&denoised.mse, &denoised.color, self.reference);
         let calibration = estimated.then(calibrate).transpose()?;
         self.look(&variant.name, &denoised.color, layers)?;
@@ -250,10 +252,17 @@ fn picture_file(input: &str, layer: &str) -> String {
     format!("pictures/{}-{}.png", plain(input), plain(layer))
 }
 
-fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder.join("pictures")).map_err(|error| {
-        Error::new(ErrorKind::Unwritable, format!("the folder cannot be made: {error}")).in_file(folder)
+/// Makes the page's folder and the one of its pictures, where they are missing, and tries whether they take files.
+fn make_folder(folder: &Path) -> Result<()> {
+    let pictures = folder.join("pictures");
+    std::fs::create_dir_all(&pictures).map_err(|error| {
+        let error = Error::new(ErrorKind::Unwritable, format!("the folder cannot be made: {error}"));
+        error.remedy("name another one by --out").in_file(&pictures)
     })?;
+    [folder.join("index.html"), pictures.join("any.png")].iter().try_for_each(io::check_target)
+}
+
+fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
     let put = |name: &str, text: &str| io::write_bytes(folder.join(name), text.as_bytes());
     put("index.html", &page::page(sweep))?;
     put("sweep.json", &report::json(sweep)?)?;

@@ -10,6 +10,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::budget::MemoryBound;
 use crate::frames::FrameSet;
+use crate::numbers::positive;
 use crate::parts::Region;
 use crate::plan::Job;
 use crate::progress::Style;
@@ -98,7 +99,7 @@ pub struct Arguments {
     pub sampling_map: Option<PathBuf>,
     /// Tell how many samples, placed as --sampling-map asks, are still needed for this mean relative squared error,
     /// estimated, and end with 10 where there are any. The result is written all the same.
-    #[arg(long, value_name = "E", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "E", value_parser = positive::<f32>, allow_negative_numbers = true)]
     pub target_error: Option<f32>,
     /// Print nothing but errors: no answer, no warnings and notes, and no progress.
     #[arg(long, short)]
@@ -180,7 +181,7 @@ pub struct Arguments {
     #[arg(long, value_name = "KIND", value_parser = variance_kind(), help_heading = "Channels")]
     pub variance_kind: Option<VarianceKind>,
     /// Samples per pixel; overrides the header.
-    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true, help_heading = "Channels")]
+    #[arg(long, value_name = "N", value_parser = positive::<f32>, allow_negative_numbers = true, help_heading = "Channels")]
     pub spp: Option<f32>,
 
     /// Denoise by this method: apr is this program's own, the others are those that it is measured against.
@@ -268,11 +269,4 @@ fn method() -> impl TypedValueParser<Value = Method> {
 
 fn preset() -> impl TypedValueParser<Value = Preset> {
     one_of(&apr::Options::PRESETS)
-}
-
-fn positive(text: &str) -> Result<f32, String> {
-    match text.parse() {
-        Ok(n) if n > 0.0 && f32::is_finite(n) => Ok(n),
-        _ => Err("expected a number above 0".to_owned()),
-    }
 }

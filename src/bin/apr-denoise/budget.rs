@@ -11,6 +11,10 @@ use apr::{Frame, Options};
 /// Fewest rows of a band: less would be nearly nothing but halo.
 const LEAST_ROWS: usize = 32;
 
+/// Rows that outliers are looked for in at once, where there is room: with some thirty on both sides fewer than any band is
+/// read with, and many times those, which are read twice.
+const OUTLIER_ROWS: usize = 256;
+
 /// The most that the program holds besides planes, and what is set aside for it before the files are known: measured with
 /// blocks of 11 MiB, and with 64 threads, of 272 MiB.
 const MOST_FIXED_BYTES: usize = 350 << 20;
@@ -22,6 +26,15 @@ pub struct Fixed {
     pub bytes: usize,
     /// Planes while the picture is looked through.
     pub band: usize,
+}
+
+/// How many pixels around what is worked on are read.
+#[derive(Debug, Clone, Copy)]
+pub struct Halos {
+    /// Of what is denoised.
+    pub part: usize,
+    /// Of rows in which outliers are looked for; none where they are not.
+    pub outliers: Option<usize>,
 }
 
 /// What it holds besides planes: its code, and for each thread blocks of `block` bytes, one as it is stored and one as it
@@ -62,12 +75,15 @@ pub struct Budget {
     /// What it takes whatever is read: the results among it.
     held: usize,
     planes: Planes,
-    /// Rows of what is to be denoised, and of the picture.
+    /// Rows of what is to be denoised.
     rows: usize,
-    height: usize,
-    /// Columns that are read, and rows on both sides of a band.
+    /// Of the picture, in which outliers are looked for in its full width.
+    size: (usize, usize),
+    /// Columns that are read.
     width: usize,
-    halo: usize,
+    halos: Halos,
+    /// Not all of the picture is denoised.
+    is_region: bool,
     /// Whether there is no other frame that is denoised while this one is looked through.
     alone: bool,
 }
@@ -81,30 +97,49 @@ pub fn before(bound: Option<MemoryBound>, pixels: usize, frames: usize) -> usize
 }
 
 impl Budget {
-    /// Of a run of `frames` pictures of this `size`, each denoised under `target` with a `halo` around it. Without a
+    /// Of a run of `frames` pictures of this `size`, each denoised under `target` with its halo around it. Without a
     /// bound that is what it takes at once.
     pub fn new(
         bound: Option<MemoryBound>,
         (fixed, planes): (Fixed, Planes),
         target: Rect,
         size: (usize, usize),
-        halo: usize,
+        halos: Halos,
         frames: usize,
     ) -> Self {
         // Of a sequence one result is written while the next is made.
         let (held, looked) = (fixed.bytes, fixed.bytes + fixed.band);
         let held = held + planes.result(target) * frames.min(2);
-        let (width, alone) = (target.grown(halo, size).width, frames == 1);
-        let mut budget =
-            Self { bound: 0, looked, held, planes, rows: target.height, height: size.1, width, halo, alone };
-        budget.bound = bound.map_or_else(|| budget.need(target.height), |MemoryBound(bound)| bound);
+        let (width, alone) = (target.grown(halos.part, size).width, frames == 1);
+        let (rows, is_region) = (target.height, target != Rect::whole(size));
+        let mut budget = Self { bound: 0, looked, held, planes, rows, size, width, halos, is_region, alone };
+        budget.bound = bound.map_or_else(
+            || budget.need(rows).max(budget.need_for_outliers(rows, OUTLIER_ROWS)),
+            |MemoryBound(bound)| bound,
+        );
         budget
     }
 
     /// What it takes in bands of so many rows.
     fn need(&self, rows: usize) -> usize {
-        let stages = self.width * self.planes.per_pixel() * (rows + 2 * self.halo).min(self.height);
-        self.looked.max(self.held + stages)
+        let stages = self.width * self.planes.per_pixel() * (rows + 2 * self.halos.part).min(self.size.1);
+        self.looked.max(self.held + stages).max(self.need_for_outliers(rows, LEAST_ROWS))
+    }
+
+    /// What it takes to look for outliers in so many rows, before bands of `band` rows are denoised; nothing where that
+    /// is the whole picture, whose outliers are looked for with it.
+    fn need_for_outliers(&self, band: usize, rows: usize) -> usize {
+        let (width, height) = self.size;
+        let apart = self.is_region || band < self.rows;
+        let bytes = |halo: usize| width * self.planes.looked_through() * (rows + 2 * halo).min(height);
+        self.halos.outliers.filter(|_| apart).map_or(0, |halo| self.held + bytes(halo))
+    }
+
+    /// Rows in which outliers are looked for at once.
+    pub fn outlier_rows(&self) -> usize {
+        let room = self.bound.saturating_sub(self.held) / (self.size.0 * self.planes.looked_through());
+        let halo = self.halos.outliers.unwrap_or(0);
+        room.saturating_sub(2 * halo).clamp(LEAST_ROWS, OUTLIER_ROWS)
     }
 
     /// Rows of a band with which the run keeps to the bound.
@@ -121,7 +156,7 @@ impl Budget {
             let remedy = format!("give at least {}M", least.div_ceil(MIB));
             return Err(Error::new(ErrorKind::Usage, what).remedy(remedy));
         }
-        let most = (bound - self.held) / (self.width * self.planes.per_pixel()) - 2 * self.halo;
+        let most = (bound - self.held) / (self.width * self.planes.per_pixel()) - 2 * self.halos.part;
         // Bands of equal height: the last one should not be nearly nothing but halo.
         Ok(rows.div_ceil(rows.div_ceil(most)))
     }
@@ -168,6 +203,13 @@ impl Planes {
         Self { all: color + all_features.sum::<usize>() + aovs, features, aovs, sums }
     }
 
+    /// Bytes for each pixel in which outliers are looked for: the planes as they were read, and the light and the deviation
+    /// with what they are made of. In 8192 columns of 56 planes 274 MiB are taken where this lets 317, measured.
+    fn looked_through(&self) -> usize {
+        const JUDGED: usize = 8;
+        (self.all + JUDGED) * size_of::<f32>()
+    }
+
     /// Bytes of the result.
     fn result(&self, target: Rect) -> usize {
         (5 + self.aovs) * size_of::<f32>() * target.width * target.height
@@ -194,6 +236,28 @@ impl Planes {
 mod tests {
     use super::*;
 
+    /// Of what is denoised alone.
+    fn halos(part: usize) -> Halos {
+        Halos { part, outliers: None }
+    }
+
+    #[test]
+    fn outliers_of_a_wide_picture_are_looked_for_within_the_bound() {
+        let planes = Planes { all: 20, features: 7, aovs: 0, sums: 1 };
+        let (size, target) = ((100_000, 4000), Rect { x: 0, y: 0, width: 16, height: 16 });
+        let (halos, fixed) = (Halos { part: 300, outliers: Some(26) }, Fixed { bytes: 0, band: 0 });
+        let budget =
+            |bound: usize| Budget::new(Some(MemoryBound(bound)), (fixed, planes), target, size, halos, 1);
+        let need = |rows: usize| planes.result(target) + 100_000 * planes.looked_through() * (rows + 2 * 26);
+        assert_eq!(budget(need(100)).outlier_rows(), 100);
+        assert_eq!(budget(2 * need(256)).outlier_rows(), 256);
+        assert_eq!((budget(need(32)).rows(), budget(need(32)).outlier_rows()), (Ok(16), 32));
+        assert!(budget(need(32) - 1).rows().is_err(), "of the region alone there is room for much less");
+        // Nothing is looked for before a whole picture that is denoised at once.
+        let whole = Budget::new(None, (fixed, planes), Rect::whole(size), size, halos, 1);
+        assert_eq!(whole.need_for_outliers(size.1, 256), 0);
+    }
+
     #[test]
     fn sizes_are_read_and_nonsense_is_refused() {
         for (text, bytes) in [("512M", 512 << 20), ("8G", 8 << 30), ("1.5GiB", 3 << 29), ("100", 100)] {
@@ -209,7 +273,7 @@ mod tests {
         let target = Rect::whole((7680, 4320));
         let budget = |bound| {
             let fixed = Fixed { bytes: MOST_FIXED_BYTES, band: 64 << 20 };
-            Budget::new(Some(MemoryBound(bound)), (fixed, planes), target, target.size(), HALO, 1)
+            Budget::new(Some(MemoryBound(bound)), (fixed, planes), target, target.size(), halos(HALO), 1)
         };
         let need = |rows: usize| {
             MOST_FIXED_BYTES + planes.result(target) + planes.per_pixel() * 7680 * (rows + 2 * HALO)
@@ -237,7 +301,8 @@ mod tests {
         let (planes, target) =
             (Planes { all: 20, features: 7, aovs: 0, sums: 1 }, Rect::whole((16, 100_000)));
         let run = Fixed { bytes: fixed(1, 0), band: 64 * MIB };
-        let error = Budget::new(Some(MemoryBound(1)), (run, planes), target, target.size(), 30, 1).rows();
+        let error =
+            Budget::new(Some(MemoryBound(1)), (run, planes), target, target.size(), halos(30), 1).rows();
         assert!(error.unwrap_err().to_string().ends_with("give at least 116M"));
     }
 
@@ -247,7 +312,8 @@ mod tests {
         let target = Rect::whole((1000, 1000));
         let fixed = fixed(2, 1 << 20);
         let of_run = Fixed { bytes: fixed, band: 0 };
-        let budget = |bound, frames| Budget::new(bound, (of_run, planes), target, target.size(), 300, frames);
+        let budget =
+            |bound, frames| Budget::new(bound, (of_run, planes), target, target.size(), halos(300), frames);
         let stages = planes.per_pixel() * 1_000_000;
         let need = fixed + planes.result(target) + stages;
         let ample = budget(Some(MemoryBound(need + 7)), 1);

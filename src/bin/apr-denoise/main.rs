@@ -10,6 +10,7 @@ mod frames;
 mod generate;
 mod inspect;
 mod made_of;
+mod numbers;
 mod parts;
 mod pattern;
 mod plan;
@@ -30,7 +31,7 @@ mod threads;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use apr::error::{Error, ErrorKind, Result};
+use apr::error::{Error, ErrorKind, Result, TARGET_NOT_MET};
 use apr::io::{self, RunFile};
 
 use arguments::{Arguments, Command, CommandLine};
@@ -44,9 +45,6 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 /// Of `--generate`.
 const OPTIONS: generate::Page = ("options", "the options of --set (Markdown)", reference::page);
-
-/// Done, but the estimated error is above the target.
-const TARGET_NOT_MET: u8 = 10;
 
 /// The command, as it is given.
 const MERGE: &str = "merge";

@@ -11,15 +11,11 @@ use apr::io::{Layout, ReadOptions, SumCheck, Survey};
 use apr::{Denoised, Options};
 
 use crate::arguments::Arguments;
-use crate::budget::{self, Budget, Fixed, Planes};
+use crate::budget::{self, Budget, Fixed, Halos, Planes};
 use crate::clock::Clock;
 use crate::plan::Job;
 use crate::report::{ErrorSums, input_error};
 use crate::shot::Shot;
-
-/// Rows that outliers are looked for in at once: with some thirty on both sides fewer than any band is read with, and
-/// many times those, which are read twice.
-const OUTLIER_ROWS: usize = 256;
 
 /// A region by x and y of its first pixel, width and height, in the file's pixel coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -160,10 +156,11 @@ impl Used {
     }
 
     pub fn sums(&self, denoised: &Denoised) -> Vec<SumCheck> {
-        match self {
+        let sums = match self {
             Self::Whole(shot) => shot.picture.sums(denoised),
             Self::Survey(survey, _) => survey.sums(denoised),
-        }
+        };
+        sums.expect("the result is of this picture")
     }
 
     pub fn write(&self, job: &Job, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
@@ -201,8 +198,13 @@ impl Surveyed {
         };
         let bytes = budget::fixed(rayon::current_num_threads(), survey.block_bytes());
         let fixed = Fixed { bytes, band: survey.band_bytes() };
-        let budget =
-            Budget::new(arguments.memory, (fixed, planes), target, size, halo(options, &facts), frames);
+        let outliers = options.outliers.enabled && facts.has_noise();
+        let stripe = |y: usize, height: usize| {
+            Part::of_outliers(Rect { x: 0, y, width: size.0, height }, size, options)
+        };
+        let around = if outliers { Some(stripe(0, 1)?.read().height - 1) } else { None };
+        let halos = Halos { part: halo(options, &facts), outliers: around };
+        let budget = Budget::new(arguments.memory, (fixed, planes), target, size, halos, frames);
         let rows = budget.rows()?;
         let bands = (0..target.height).step_by(rows).map(|y| Rect {
             y: target.y + y,
@@ -212,16 +214,12 @@ impl Surveyed {
         let parts = bands.map(|band| Part::new(band, size, options, &facts));
         let parts: Vec<Part> = parts.collect::<Result<_>>()?;
         let apart = parts.iter().any(|part| !part.is_whole());
-        if apart && options.outliers.enabled && facts.has_noise() {
-            let (width, height) = size;
-            let stripes = (0..height).step_by(OUTLIER_ROWS).map(|y| {
-                let rows = Rect { x: 0, y, width, height: OUTLIER_ROWS.min(height - y) };
-                Part::of_outliers(rows, size, options)
-            });
-            for part in stripes {
-                let part = part?;
+        if apart && outliers {
+            let rows = budget.outlier_rows();
+            for y in (0..size.1).step_by(rows) {
+                let part = stripe(y, rows.min(size.1 - y))?;
                 survey.keep(budget.beside_stages(part.read()));
-                facts.add_outliers(&survey.read(part.read())?, &part, options)?;
+                facts.add_outliers(survey.read(part.read())?, &part, options)?;
             }
         }
         Ok(Self { survey, facts, target, is_region: arguments.region.is_some(), parts, budget })

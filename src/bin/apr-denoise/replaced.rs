@@ -69,10 +69,9 @@ fn lost(path: &Path, frames: &str) -> Error {
         .in_file(path)
 }
 
-/// Whether a picture is there and is none of this program's `own`. What is no picture at all, such as the empty file by
-/// which some schedulers take a place, is no loss.
+/// Whether a picture is there and is none of this program's `own`.
 fn is_strange(path: &Path, own: fn(&Provenance) -> bool) -> bool {
-    io::is_exr(path) && !io::provenance(path).is_ok_and(|found| own(&found))
+    io::check_replaced(path, own).is_err()
 }
 
 /// Whether something is there and is no report of this program.

@@ -8,12 +8,20 @@ use apr::trace::{RenderOptions, Renderer, Scene};
 use apr::{Error, ErrorKind, Result};
 
 use super::Args;
+use super::stop::Stop;
+use crate::answer::complain;
+
+/// How every checkpoint begins, of whatever version.
+const BEGIN: &str = "apr-trace checkpoint";
 
 /// The state of a long render beside its output. None is kept of others.
 pub struct Checkpoint {
     path: Option<PathBuf>,
     every: Duration,
     saved: Instant,
+    /// It was told that it cannot be written, or nothing is to be told.
+    told: bool,
+    stop: Option<Stop>,
     /// What must be the same for a checkpoint to be continued.
     key: Vec<u8>,
 }
@@ -36,9 +44,12 @@ impl Checkpoint {
     /// Of a render of `scene` with these; none unless it is a reference.
     pub fn new(args: &Args, options: &RenderOptions, scene: &Scene) -> Self {
         let what = RenderOptions { spp: 0, ..options.clone() };
-        let key = format!("apr-trace checkpoint 1\n{:016x}\n{what:?}\n", scene.fingerprint()).into_bytes();
+        let version = env!("CARGO_PKG_VERSION");
+        let key = format!("{BEGIN} {version}\n{:016x}\n{what:?}\n", scene.fingerprint()).into_bytes();
         let every = Duration::try_from_secs_f64(args.checkpoint_every.max(0.0)).unwrap_or(Duration::MAX);
-        Self { path: path(args), every, saved: Instant::now(), key }
+        let path = path(args);
+        let stop = path.is_some().then(Stop::after_checkpoint);
+        Self { path, every, saved: Instant::now(), told: args.quiet, stop, key }
     }
 
     /// Takes up the film of an earlier run, if there is one, towards `spp` samples per pixel; how many of
@@ -50,8 +61,12 @@ impl Checkpoint {
             error.remedy("remove it to start anew")
         };
         let bytes = std::fs::read(path).map_err(|error| unreadable(format!("cannot be read: {error}")))?;
-        let film = bytes.strip_prefix(self.key.as_slice());
-        let film = film.ok_or_else(|| unreadable("belongs to another scene, seed or options".into()))?;
+        if !bytes.starts_with(BEGIN.as_bytes()) {
+            return Err(unreadable("is no checkpoint: it is empty or damaged".into()));
+        }
+        let film = bytes.strip_prefix(self.key.as_slice()).ok_or_else(|| {
+            unreadable("belongs to another scene, seed or options, or another version of this program".into())
+        })?;
         renderer
             .film_mut()
             .restore(film)
@@ -62,21 +77,32 @@ impl Checkpoint {
         }
     }
 
-    /// What a pass may take: little of the time between checkpoints, and enough to cost nothing by itself.
+    /// What a pass may take: little of the time between checkpoints, and of the patience of whoever stops the run; and
+    /// enough to cost nothing by itself.
     pub fn pass_time(&self) -> Duration {
-        (self.every / 4).max(Duration::from_millis(50))
+        (self.every / 4).clamp(Duration::from_millis(50), Duration::from_secs(5))
     }
 
-    /// Writes it where it is time to.
-    pub fn save_at_times(&mut self, renderer: &Renderer) -> Result<()> {
-        if self.saved.elapsed() >= self.every { self.save(renderer) } else { Ok(()) }
+    /// Writes it where it is time to. A run that was told to stop ends with that.
+    pub fn save_at_times(&mut self, renderer: &Renderer) {
+        let stop = self.stop.take_if(|stop| stop.is_asked());
+        if stop.is_some() || self.saved.elapsed() >= self.every {
+            self.save(renderer);
+        }
+        if let Some(stop) = stop {
+            stop.end();
+        }
     }
 
-    /// Writes it now: after the last pass, so that a picture which cannot be written costs no second render.
-    pub fn save(&mut self, renderer: &Renderer) -> Result<()> {
-        let Some(path) = &self.path else { return Ok(()) };
-        write_bytes(path, &[self.key.clone(), renderer.film().to_bytes()].concat())?;
+    /// Writes it now. Where that fails the render goes on: there may be room for the picture all the same.
+    pub fn save(&mut self, renderer: &Renderer) {
+        let Some(path) = &self.path else { return };
         self.saved = Instant::now();
-        Ok(())
+        let saved = write_bytes(path, &[self.key.clone(), renderer.film().to_bytes()].concat());
+        if let Err(error) = saved
+            && !std::mem::replace(&mut self.told, true)
+        {
+            complain(&format!("warning: {error}; the render goes on, and begins anew if it is killed"));
+        }
     }
 }

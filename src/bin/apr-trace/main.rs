@@ -15,6 +15,9 @@ mod generate;
 mod pattern;
 mod progress;
 mod rounds;
+#[path = "../apr-denoise/signals.rs"]
+mod signals;
+mod stop;
 #[path = "../apr-denoise/threads.rs"]
 mod threads;
 
@@ -24,11 +27,12 @@ use std::time::{Duration, Instant};
 
 use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
+use apr::error::{Error, ErrorKind, Result, TARGET_NOT_MET};
 use apr::io::{
-    FrameHeader, RunFile, check_apart, check_ending, check_target, read_counts, write_bytes, write_frame,
+    FrameHeader, Provenance, RunFile, check_apart, check_ending, check_replaced, check_target, read_counts,
+    write_bytes, write_frame,
 };
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
-use apr::{Error, ErrorKind, Result};
 use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
 use pattern::Pattern;
@@ -36,11 +40,11 @@ use progress::Progress;
 
 /// Path tracer that makes the denoiser's inputs and references.
 #[derive(Debug, Parser)]
-#[command(name = "apr-trace", version)]
+#[command(name = "apr-trace", version, after_help = EXIT_CODES)]
 struct Args {
     /// The scene, a JSON file (docs/SCENES.md describes every field).
     scene: PathBuf,
-    /// The EXR file to write; not needed with --plan.
+    /// The EXR file to write; not needed with --plan. Replaces an earlier render, but no other picture (see --overwrite).
     #[arg(required_unless_present = "plan")]
     out: Option<PathBuf>,
     /// Samples per pixel.
@@ -70,7 +74,7 @@ struct Args {
     #[arg(long, value_name = "EXR", conflicts_with = "reference")]
     spp_map: Option<PathBuf>,
     /// Render N samples per pixel in passes, keeping a checkpoint (OUT.checkpoint) from which a killed
-    /// run goes on.
+    /// run goes on; one that is told to stop keeps all its samples.
     #[arg(long, value_name = "N", conflicts_with = "spp", value_parser = clap::value_parser!(u32).range(1..))]
     reference: Option<u32>,
     /// Spend the samples where the picture needs them: a uniform round, then rounds by the estimated error
@@ -82,7 +86,7 @@ struct Args {
     #[arg(long, default_value_t = AdaptiveOptions::default().rounds, requires = "adaptive",
           value_parser = clap::value_parser!(u32).range(1..))]
     rounds: u32,
-    /// Stop --adaptive when the estimated mean relative squared error is at most E.
+    /// Stop --adaptive when the estimated mean relative squared error is at most E, and end with 10 where it is not.
     #[arg(long, value_name = "E", requires = "adaptive", allow_negative_numbers = true)]
     target_error: Option<f32>,
     /// Seconds between checkpoints, as near as a pass over all pixels allows.
@@ -98,10 +102,25 @@ struct Args {
     /// Write what was done, as JSON.
     #[arg(long, value_name = "JSON")]
     report: Option<PathBuf>,
-    /// Print nothing but errors.
+    /// Replace pictures that this program did not write, too.
     #[arg(long)]
+    overwrite: bool,
+    /// Print nothing but errors.
+    #[arg(long, short)]
     quiet: bool,
 }
+
+const EXIT_CODES: &str = "Exit codes:
+  0    done
+  2    usage: an option or argument makes no sense, a picture would be lost
+  3    the scene, a file of it, the map of samples or the checkpoint is missing, damaged, or not supported
+  4    the map of samples lacks what is needed
+  5    the picture or the report cannot be written
+  10   done, but the estimated error is above --target-error
+  70   a defect of this program
+  129  hung up (SIGHUP)
+  130  interrupted (SIGINT)
+  143  told to stop (SIGTERM)";
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum Features {
@@ -157,17 +176,18 @@ fn frame(text: &str) -> std::result::Result<(u32, u32), String> {
 
 fn main() -> ExitCode {
     let mut args = generate::parse::<Args>(&[]);
+    signals::clean_up_when_stopped();
     failure::told(|| {
         args.put_frame_in()?;
         run(&args)
     })
 }
 
-fn run(args: &Args) -> Result<()> {
+fn run(args: &Args) -> Result<ExitCode> {
     let scene = Scene::load(&args.scene)?;
     let options = args.options()?;
     let Some(out) = args.out.as_ref().filter(|_| !args.plan) else {
-        return print_plan(&Plan::new(&scene, &options));
+        return print_plan(&Plan::new(&scene, &options)).map(|()| ExitCode::SUCCESS);
     };
     check_files(args, &scene, out)?; // before hours of work, not after
     threads::start(args.threads)?;
@@ -191,7 +211,9 @@ fn run(args: &Args) -> Result<()> {
     write_frame(out, &rendered.frame, &FrameHeader { seed: Some(args.seed), further })?;
     checkpoint::remove(args);
     let drawn = Drawn { all: rendered.samples, now: rendered.samples - taken_up, time: start.elapsed() };
-    finish(args, out, &rendered, rounds.as_ref(), &drawn)
+    finish(args, out, &rendered, rounds.as_ref(), &drawn)?;
+    let missed = rounds.is_some_and(|rounds| rounds.target_met == Some(false));
+    Ok(if missed { ExitCode::from(TARGET_NOT_MET) } else { ExitCode::SUCCESS })
 }
 
 /// Checks that every file can be written and destroys nothing that is read, nor another one.
@@ -207,6 +229,12 @@ fn check_files(args: &Args, scene: &Scene, out: &Path) -> Result<()> {
     let written: Vec<RunFile> = std::iter::once(file("the picture")(out)).chain(beside).collect();
     check_apart(read, written.iter().copied())
         .map_err(|error| error.remedy("give what is written a name of its own"))?;
+    for (n, file) in written.iter().enumerate().filter(|_| !args.overwrite) {
+        let is_own = |found: &Provenance| n == 0 && found.is_traced;
+        check_replaced(file.path, is_own).map_err(|error| {
+            error.remedy("name what is written otherwise, or give --overwrite to lose what is there")
+        })?;
+    }
     written.iter().try_for_each(|file| check_target(file.path))
 }
 
@@ -236,10 +264,10 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
         progress.set(done);
         pass = next_pass(pass, start.elapsed(), checkpoint.pass_time()).min(most);
         if done < options.spp {
-            checkpoint.save_at_times(renderer)?;
+            checkpoint.save_at_times(renderer);
         }
     }
-    let _ = checkpoint.save(renderer); // on a full disk there may be room for the picture all the same
+    checkpoint.save(renderer); // a picture that cannot be written costs no second render then
     Ok(taken_up)
 }
 
@@ -274,8 +302,8 @@ fn finish(
     }
     if let Some(path) = &args.report {
         let report = serde_json::json!({
-            "scene": args.scene,
-            "output": out,
+            "scene": args.scene.display().to_string(),
+            "output": out.display().to_string(),
             "seed": args.seed,
             "samples": drawn.all,
             "samplesOfThisRun": drawn.now,

@@ -16,7 +16,7 @@ pub struct Rounds {
     /// The estimated error that was asked for.
     target_error: Option<f32>,
     /// Whether the last estimate is at most that.
-    target_met: Option<bool>,
+    pub target_met: Option<bool>,
     /// Seconds that the estimates took, over the seconds that the samples took.
     overhead: f64,
 }

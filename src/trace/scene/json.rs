@@ -6,6 +6,7 @@ use std::cell::RefCell;
 use serde_json::{Map, Value};
 
 use crate::error::{Error, ErrorKind, Result};
+use crate::likeness::edits;
 use crate::trace::math::{Vec3, direction};
 
 /// A value and its path.
@@ -189,7 +190,7 @@ impl<'a> Object<'a> {
     fn slip(&self, key: &str) -> String {
         let known = self.known.borrow();
         let others = self.map.keys().map(String::as_str).filter(|other| !known.contains(other));
-        let close = others.map(|other| (distance(key, other), other)).min();
+        let close = others.map(|other| (edits(key, other), other)).min();
         let close = close.filter(|(edits, _)| *edits <= 1 + key.len() / 3);
         close.map_or(String::new(), |(_, other)| format!(", or is '{other}' meant to be it?"))
     }
@@ -215,24 +216,10 @@ impl<'a> Object<'a> {
 
 /// A hint at the name that was probably meant.
 fn nearest(name: &str, known: &[&str]) -> String {
-    let close = known.iter().map(|k| (distance(name, k), *k)).min();
+    let close = known.iter().map(|k| (edits(name, k), *k)).min();
     match close {
         Some((edits, meant)) if edits <= 1 + name.len() / 3 => format!("did you mean '{meant}'?"),
         Some(_) => format!("known are: {}", known.join(", ")),
         None => "add it: none is defined".into(),
     }
-}
-
-/// Edits between two names (Levenshtein).
-fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.bytes().enumerate() {
-        let mut corner = std::mem::replace(&mut row[0], i + 1);
-        for (j, cb) in b.bytes().enumerate() {
-            let change = corner + usize::from(ca != cb);
-            corner = row[j + 1];
-            row[j + 1] = change.min(row[j] + 1).min(corner + 1);
-        }
-    }
-    row[b.len()]
 }
