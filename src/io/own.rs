@@ -71,12 +71,12 @@ const SOFTWARE: &str = "apr-denoise";
 /// The attribute that holds a render's seed.
 const SEED: &str = "seed";
 
-/// Whether a file whose first part has this header, as [`attributes::keep`](super::attributes::keep) leaves it, was
+/// Whether a file whose first part has this header, as the decoder reads it, was
 /// written by [`write_frame`] with a seed.
 pub(super) fn is_seeded(header: &Header) -> bool {
-    let attributes = &header.own_attributes.other;
-    let is_own = |value: &AttributeValue| matches!(value, AttributeValue::Custom { bytes, .. } if bytes[..] == *SOFTWARE.as_bytes());
-    attributes.get(&Text::from("software")).is_some_and(is_own) && attributes.contains_key(&Text::from(SEED))
+    let attributes = &header.own_attributes;
+    let is_own = attributes.software_name.as_ref().is_some_and(|name| *name == Text::from(SOFTWARE));
+    is_own && attributes.other.contains_key(&Text::from(SEED))
 }
 
 fn plain_header(size: (usize, usize), channels: &[(Text, &Plane)]) -> Header {

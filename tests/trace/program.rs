@@ -375,17 +375,18 @@ fn a_checkpoint_that_cannot_be_written_ends_no_render() {
 #[cfg(unix)]
 #[test]
 fn a_reference_that_is_told_to_stop_keeps_its_samples() {
+    use std::os::unix::process::ExitStatusExt;
     let folder = tempfile::tempdir().unwrap();
     let (scene, out) = (write_scene(folder.path(), [16, 12]), folder.path().join("out.exr"));
     let checkpoint = folder.path().join("out.exr.checkpoint");
-    for (signal, code) in [("-TERM", 143), ("-INT", 130)] {
+    for (signal, number) in [("-TERM", 15), ("-INT", 2)] {
         let mut reference = program();
         reference.arg(&scene).arg(&out).args(["--reference", "2000000000", "--checkpoint-every", "2", "-q"]);
         let mut running = reference.spawn().unwrap();
         first_checkpoint(&checkpoint);
         std::fs::remove_file(&checkpoint).unwrap();
         Command::new("kill").args([signal, &running.id().to_string()]).status().unwrap();
-        assert_eq!(running.wait().unwrap().code(), Some(code));
+        assert_eq!(running.wait().unwrap().signal(), Some(number));
         assert!(std::fs::metadata(&checkpoint).unwrap().len() > 0);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "the scene and the checkpoint");
         std::fs::remove_file(&checkpoint).unwrap();
