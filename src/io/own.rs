@@ -75,7 +75,7 @@ const SEED: &str = "seed";
 /// written by [`write_frame`] with a seed.
 pub(super) fn is_seeded(header: &Header) -> bool {
     let attributes = &header.own_attributes;
-    let is_own = attributes.software_name.as_ref().is_some_and(|name| *name == Text::from(SOFTWARE));
+    let is_own = attributes.software_name.as_ref().is_some_and(|name| name.as_slice() == SOFTWARE.as_bytes());
     is_own && attributes.other.contains_key(&Text::from(SEED))
 }
 
