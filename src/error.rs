@@ -18,7 +18,10 @@ pub enum ErrorKind {
     Unreadable,
     /// A file was read but lacks what is needed: no colour, sizes that differ, … (exit code 4).
     Lacking,
-    /// The result cannot be written (exit code 5).
+    /// The result cannot go where it is to go: there is no such folder, it is write-protected, no regular file
+    /// (exit code 2).
+    Misplaced,
+    /// The result cannot be written: the disk is at fault (exit code 5).
     Unwritable,
     /// A defect of this program (exit code 70).
     Internal,
@@ -28,7 +31,7 @@ impl ErrorKind {
     /// The exit code of a program that stops with this kind of error.
     pub fn exit_code(self) -> u8 {
         match self {
-            ErrorKind::Usage => 2,
+            ErrorKind::Usage | ErrorKind::Misplaced => 2,
             ErrorKind::Unreadable => 3,
             ErrorKind::Lacking => 4,
             ErrorKind::Unwritable => 5,

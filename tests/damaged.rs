@@ -177,6 +177,21 @@ fn hostile_headers_are_refused() {
     }
 }
 
+/// Nine bytes: the list of a file of several parts that is empty.
+#[test]
+fn a_file_without_parts_is_nobodys_result() {
+    let folder = tempfile::tempdir().unwrap();
+    let [input, empty] = ["in.exr", "empty.exr"].map(|name| folder.path().join(name));
+    std::fs::write(&input, &samples()[6]).unwrap();
+    std::fs::write(&empty, [0x76, 0x2f, 0x31, 0x01, 2, 0x10, 0, 0, 0]).unwrap();
+    assert_eq!(apr::io::provenance(&empty).unwrap_err().kind(), ErrorKind::Unreadable);
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"))
+        .args([&input, &empty])
+        .output()
+        .unwrap();
+    assert_eq!(run.status.code(), Some(2), "{}", String::from_utf8_lossy(&run.stderr));
+}
+
 /// The program itself, with no more than half a gigabyte of address space.
 #[test]
 #[cfg(target_os = "linux")]

@@ -199,8 +199,15 @@ impl Energy {
     /// The gains of every target where windows hold `witnesses`; worked out once for all parts of a picture.
     pub fn gains(&self, witnesses: f32) -> Gains {
         let Memo(memo) = &self.memo;
-        let (known, gains) = memo.get_or_init(|| (witnesses, self.work_out(witnesses)));
-        if *known == witnesses { gains.clone() } else { self.work_out(witnesses) }
+        match memo.get() {
+            Some((known, gains)) if *known == witnesses => gains.clone(),
+            _ => {
+                // Not under a lock: what is worked out on all threads may take up another part meanwhile.
+                let gains = self.work_out(witnesses);
+                let _ = memo.set((witnesses, gains.clone()));
+                gains
+            }
+        }
     }
 
     fn work_out(&self, witnesses: f32) -> Gains {

@@ -109,7 +109,7 @@ pub fn write_bytes(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// Checks that a file can be written at `target`, before the work that is to fill it.
 ///
 /// # Errors
-/// `Usage` when it is anything but a regular file or write-protected, or its folder is missing or takes no new file;
+/// `Misplaced` when it is anything but a regular file or write-protected, or its folder is missing or takes no new file;
 /// `Unwritable` when the disk is at fault.
 pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
     let target = target.as_ref();
@@ -121,7 +121,7 @@ pub fn check_target(target: impl AsRef<Path>) -> Result<()> {
 /// The part of [`check_target`] that is about what is there already, and leaves no trace in the folder.
 ///
 /// # Errors
-/// `Usage` when it is anything but a regular file or write-protected.
+/// `Misplaced` when it is anything but a regular file or write-protected.
 pub fn check_old(target: impl AsRef<Path>) -> Result<()> {
     replaced(target.as_ref()).map(|_| ())
 }
@@ -129,15 +129,15 @@ pub fn check_old(target: impl AsRef<Path>) -> Result<()> {
 /// The file that a result replaces; none where there is none yet.
 ///
 /// # Errors
-/// `Usage` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it. And when
+/// `Misplaced` when it is no regular file: a rename would destroy a device or a pipe, and write nothing to it. And when
 /// it is protected, which a rename would not mind: it asks the folder alone.
 fn replaced(target: &Path) -> Result<Option<Metadata>> {
     let refuse =
-        |what: &str, remedy: &str| Err(Error::new(ErrorKind::Usage, what).remedy(remedy).in_file(target));
+        |what: &str, remedy: &str| Err(Error::new(ErrorKind::Misplaced, what).remedy(remedy).in_file(target));
     if is_descriptor(target) {
         return refuse(
             "is an open file of a process: a result would replace what is behind it",
-            "name the file itself; a report goes to the standard output by the name -",
+            "name the file itself",
         );
     }
     match fs::metadata(target) {
@@ -173,16 +173,18 @@ fn keep_access(file: &File, old: &Metadata) -> std::io::Result<()> {
     if own.gid() != old.gid() {
         let _ = fchown(file, None, Some(old.gid()));
     }
-    if own.uid() != old.uid() {
-        let _ = fchown(file, Some(old.uid()), None);
-    }
     /// Reading, writing and executing; a new content has no claim to another user's rights (setuid).
     const ACCESS: u32 = 0o777;
     let bits = |metadata: &Metadata| metadata.permissions().mode() & ACCESS;
-    if bits(&file.metadata()?) == bits(old) {
-        return Ok(()); // file systems without such bits take no change of them
+    if bits(&file.metadata()?) != bits(old) {
+        // Some file systems without such bits take no change of them.
+        file.set_permissions(fs::Permissions::from_mode(bits(old)))?;
     }
-    file.set_permissions(fs::Permissions::from_mode(bits(old)))
+    // Last, since what belongs to others is theirs to change.
+    if own.uid() != old.uid() {
+        let _ = fchown(file, Some(old.uid()), None);
+    }
+    Ok(())
 }
 
 /// Other systems let a file inherit this from its folder.
@@ -266,7 +268,7 @@ fn cannot_begin(error: &std::io::Error) -> Error {
         Cause::InvalidFilename => "give it a shorter name",
         _ => return cannot_write(error),
     };
-    Error::new(ErrorKind::Usage, format!("cannot be written: {error}")).remedy(remedy)
+    Error::new(ErrorKind::Misplaced, format!("cannot be written: {error}")).remedy(remedy)
 }
 
 fn cannot_write(error: &std::io::Error) -> Error {
@@ -370,7 +372,7 @@ mod tests {
         for target in [&*socket, Path::new("/dev/null")] {
             for refused in [check_target(target), write_bytes(target, b"new")] {
                 let error = refused.unwrap_err();
-                assert_eq!(error.kind(), ErrorKind::Usage);
+                assert_eq!(error.kind(), ErrorKind::Misplaced);
                 assert!(error.to_string().contains("a device or a pipe"), "{error}");
             }
         }
@@ -385,7 +387,7 @@ mod tests {
             [(Path::new("/nonexistent/a.exr"), "make its folder"), (&long, "a shorter name")]
         {
             let error = write_atomically(target, |_| Ok(())).unwrap_err();
-            assert_eq!(error.kind(), ErrorKind::Usage);
+            assert_eq!(error.kind(), ErrorKind::Misplaced);
             let told = format!("{}: cannot be written", target.display());
             assert!(error.to_string().starts_with(&told) && error.to_string().contains(words), "{error}");
         }
@@ -429,7 +431,7 @@ mod tests {
         let open = File::create(&log).unwrap();
         let descriptor = format!("/dev/fd/{}", std::os::fd::AsRawFd::as_raw_fd(&open));
         let error = write_bytes(descriptor, b"new").unwrap_err();
-        assert_eq!(error.kind(), ErrorKind::Usage);
+        assert_eq!(error.kind(), ErrorKind::Misplaced);
         assert!(error.to_string().contains("is an open file of a process"), "{error}");
         assert_eq!(fs::read(&log).unwrap(), b"");
     }

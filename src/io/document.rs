@@ -343,7 +343,8 @@ impl Document {
 pub(super) fn headers_of(path: &Path) -> Result<Headers> {
     let headers = || {
         let file = File::open(path).map_err(|error| io_error(&error))?;
-        read_meta(&mut BufReader::new(file)).map(|meta| meta.headers)
+        let headers = read_meta(&mut BufReader::new(file))?.headers;
+        if headers.is_empty() { Err(damaged("it has no part".into())) } else { Ok(headers) }
     };
     guarded(headers).map_err(|error| error.in_file(path))
 }

@@ -14,7 +14,6 @@ use crate::frame::Frame;
 
 /// Options of a render.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(default, deny_unknown_fields)]
 pub struct RenderOptions {
     /// Samples per pixel, at least 1; 16 by default.
     pub spp: u32,

@@ -256,7 +256,7 @@ fn picture_file(input: &str, layer: &str) -> String {
 fn make_folder(folder: &Path) -> Result<()> {
     let pictures = folder.join("pictures");
     std::fs::create_dir_all(&pictures).map_err(|error| {
-        let error = Error::new(ErrorKind::Unwritable, format!("the folder cannot be made: {error}"));
+        let error = Error::new(ErrorKind::Misplaced, format!("the folder cannot be made: {error}"));
         error.remedy("name another one by --out").in_file(&pictures)
     })?;
     [folder.join("index.html"), pictures.join("any.png")].iter().try_for_each(io::check_target)

@@ -86,7 +86,7 @@ pub struct Arguments {
     /// same region, else the run stops before any work, or does it again with --overwrite.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
-    /// Replace files that this program did not write, too; and denoise those pictures again, in their own place, that it
+    /// Replace pictures and reports that this program did not write, too; and denoise those pictures again, in their own place, that it
     /// has denoised already. With --skip-existing: do again what was made by other options.
     #[arg(long)]
     pub overwrite: bool,

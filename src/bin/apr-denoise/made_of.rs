@@ -34,7 +34,7 @@ impl MadeOf {
 pub struct Fingerprints(BTreeMap<PathBuf, Vec<String>>);
 
 impl Fingerprints {
-    /// What `job` is made of. Frames beside that cannot be read count as gaps.
+    /// What `job` is made of. Frames beside that cannot be read, or are cut off, count as gaps.
     ///
     /// # Errors
     /// `Unreadable` when a file of its own is missing or damaged.
@@ -42,7 +42,11 @@ impl Fingerprints {
         let inputs = self.of_one(job, arguments)?;
         let reach = i32::from(arguments.temporal);
         let mut side = |sign: i32| {
-            let beside = |offset| self.of_one(&plan.beside(job, sign * offset)?, arguments).ok();
+            let beside = |offset| {
+                let job = plan.beside(job, sign * offset)?;
+                let is_whole = io::provenance(&job.input).is_ok_and(|found| found.whole);
+                if is_whole { self.of_one(&job, arguments).ok() } else { None }
+            };
             (1..=reach).map_while(beside).collect()
         };
         let beside = (reach > 0).then(|| [side(-1), side(1)]);

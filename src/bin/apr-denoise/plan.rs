@@ -250,7 +250,7 @@ impl Plan {
 
     /// In place a result takes its own input's name and nothing else.
     fn check_collisions(&self, arguments: &Arguments) -> Result<()> {
-        self.check_places()?;
+        self.check_places(arguments)?;
         let beside_of = |job| self.all_beside(job, arguments.temporal);
         let all_beside: Vec<Job> = self.jobs.iter().flat_map(beside_of).collect();
         let of_frames = self.frames().flat_map(|job| job.sources().skip(usize::from(job.is_in_place())));
@@ -264,9 +264,12 @@ impl Plan {
     }
 
     /// Checks that the names of what is written for every frame have a place for its number.
-    fn check_places(&self) -> Result<()> {
+    fn check_places(&self, arguments: &Arguments) -> Result<()> {
+        if let Some(path) = arguments.sequence_report.as_deref().filter(|path| is_printed(path)) {
+            return Err(usage("the report of all frames is not printed").remedy("name a file").in_file(path));
+        }
         let Names { output, report, sampling_map, .. } = &self.names;
-        let one = |name: &&Name| matches!(name, Name::One(_));
+        let one = |name: &&Name| matches!(name, Name::One(path) if !is_printed(path));
         match [output, report, sampling_map].into_iter().flatten().find(one) {
             Some(Name::One(path)) if self.jobs.len() > 1 => {
                 let what =
@@ -298,11 +301,12 @@ impl Plan {
         self.jobs = to_do;
         let Some((first, difference)) = by_others.first() else { return Ok(()) };
         let others = among_others(by_others.iter().map(|(job, _)| job));
-        Err(usage(&format!("was made otherwise: {difference}{others}"))
-            .remedy(
-                "remove it, write elsewhere, run without --skip-existing, or add --overwrite to do it again",
-            )
-            .in_file(&first.output))
+        let remedy = if first.is_in_place() {
+            "give the options that it was made with, or the render itself again, whose place it took"
+        } else {
+            "remove it, write elsewhere, run without --skip-existing, or add --overwrite to do it again"
+        };
+        Err(usage(&format!("was made otherwise: {difference}{others}")).remedy(remedy).in_file(&first.output))
     }
 
     /// What of `job` an earlier run has done.
@@ -337,6 +341,7 @@ impl Plan {
             Difference::Settings(words) => Found::Otherwise(words),
             Difference::Content => Found::Stale,
             Difference::Nothing => match job.targets().find(|target| !target.path.exists()) {
+                None if !in_place && job.report.as_deref().is_some_and(is_printed) => Found::Nothing,
                 None => Found::Finished,
                 Some(missing) if in_place => return Err(lost(missing)),
                 Some(_) => Found::Nothing,
@@ -348,7 +353,7 @@ impl Plan {
     pub fn note_of_stale(&self) -> Option<String> {
         let first = self.stale.first()?;
         Some(format!(
-            "{}: is done again: its input, or a file or frame beside, has changed since{}",
+            "{}: is done again: its input, or a file or frame beside, is not what it was made of, as far as it tells{}",
             first.output.display(),
             among_others(&self.stale)
         ))
@@ -377,6 +382,11 @@ fn words(region: Option<[i64; 4]>) -> String {
 }
 
 /// The error of a file that would have to be made of an input which is denoised already.
+/// Whether a report of this name goes to the standard output.
+fn is_printed(report: &Path) -> bool {
+    report == STANDARD_OUTPUT
+}
+
 fn lost(missing: RunFile) -> Error {
     usage(&format!("{} is missing, and its input was denoised in place", missing.role))
         .remedy("leave the option out, or denoise the render itself again")
@@ -400,7 +410,7 @@ impl Job {
 
     /// Where its report goes, unless that is the standard output.
     pub fn report_file(&self) -> Option<&Path> {
-        self.report.as_deref().filter(|path| *path != STANDARD_OUTPUT)
+        self.report.as_deref().filter(|path| !is_printed(path))
     }
 
     /// Whether the result replaces the input.

@@ -28,8 +28,11 @@ pub fn clean_up_when_stopped() {
             let words = LAST_WORDS.lock().unwrap_or_else(PoisonError::into_inner).take();
             words.into_iter().for_each(|words| words());
             apr::io::abandon_temporaries(); // after which nothing is written
-            let _ = signal_hook::low_level::emulate_default_handler(signal);
-            std::process::exit(SIGNALLED + signal); // where the signal does not end it
+            // The first process of a container is ended by no signal, and would be aborted then.
+            if std::process::id() != 1 {
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+            }
+            std::process::exit(SIGNALLED + signal);
         }
     });
 }

@@ -112,10 +112,11 @@ struct Args {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense, a picture would be lost
+  2    usage: an option or argument makes no sense, the picture cannot go where it is to go (there is no such folder,
+       it is a folder or write-protected), a picture would be lost
   3    the scene, a file of it, the map of samples or the checkpoint is missing, damaged, or not supported
   4    the map of samples lacks what is needed
-  5    the picture or the report cannot be written
+  5    the picture or the report cannot be written: the disk is full, or its server is away
   10   done, but the estimated error is above --target-error
   70   a defect of this program
   129  hung up (SIGHUP)
