@@ -5,24 +5,24 @@
 //! estimate ŷ + max(0, 1 − N/S)(y − ŷ) has less risk than y itself if ŷ is independent of y. It is not quite: it
 //! was fitted to y, and has taken some of the noise out of the residual, so that S is too small rather than too large.
 //! So the result converges to the truth as samples are added, and detail that no feature knows survives.
+//! `[choice]` N is taken for larger than it is by a margin, so that chance alone gives nothing back.
 //!
-//! A small highlight passes that test where few samples have found it: every pixel of it may be dark by chance, as its
-//! neighbours are, and bright ones are noisy. But all of them together are brighter than chance has it. So where the sum
-//! of the residuals is above [`LIGHT_MARGIN`] of its deviations √N, max(0, 1 − m² N/(Σ (y − ŷ))²) of them comes back, if
-//! that is more. Light alone: what is darker than its fit, all around, has often been missed by the few samples that
-//! find it. `[choice]` with both: relMSE D ×0.981, S ×0.999, a door ajar and glossy things at 16 spp ×1.06 and ×1.11.
-//! Not where the noise is estimated from the picture, which does not know its rare samples: S16 ×1.05.
+//! A small highlight is not seen by that where few samples have found it: its pixels are dark by chance or noisy. But all
+//! of them together are brighter than chance has it. So where the sum of the residuals is above m of its standard
+//! deviations, R = Σ (y − ŷ) > m √N, the share max(0, 1 − m² N/R²) of every residual comes back, if that is more. Light
+//! alone: what is darker than its fit all around has often been missed by the few samples that find it. `[choice]` with
+//! both: relMSE ×0.981 on five scenes and ×0.999 on thirteen others, but ×1.06 behind a door ajar and ×1.11 on glossy
+//! things at 16 spp. Not where the noise is estimated from the picture, which does not know its rare samples: ×1.05 on
+//! the thirteen at 16 spp.
 //!
-//! | `[choice]` of m, of the sums' radius | five scenes: relMSE, MSE, light lost | thirteen others |
+//! | `[choice]` of m and the sums' radius, without [`LIGHT_SHARE`] | five scenes: relMSE, MSE, light lost | thirteen others |
 //! |---|--:|--:|
-//! | without | 1, 1, 1.19 % | 1, 1, 1.76 % |
+//! | no sums | 1, 1, 1.19 % | 1, 1, 1.76 % |
 //! | 1.8, 2 | ×0.995, ×0.953, 0.99 % | ×1.008, ×0.960, 1.65 % |
 //! | 2, 1 | ×0.996, ×0.966, 1.09 % | ×1.000, ×0.970, 1.70 % |
 //! | 2, 2 | ×0.994, ×0.955, 1.05 % | ×0.997, ×0.966, 1.68 % |
 //! | 2, 3 | ×0.999, ×0.957, 1.02 % | ×1.007, ×0.962, 1.66 % |
 //! | 2.3, 2 | ×0.995, ×0.958, 1.10 % | ×0.995, ×0.977, 1.72 % |
-//!
-//! `[choice]` N is taken for larger than it is by a margin, so that chance alone gives nothing back.
 
 use super::reconstruct::Reconstruction;
 use super::signal::Signal;
@@ -56,7 +56,7 @@ const LEAST_NOISE: f32 = 0.1;
 /// Radius over which the shares are averaged.
 const SHARE_RADIUS: usize = 1;
 
-/// Deviations under which a sum of residuals passes for chance.
+/// m, the deviations under which a sum of residuals passes for chance.
 const LIGHT_MARGIN: f32 = 2.0;
 
 /// Radius of those sums, and of the mean of the shares that come of them.
