@@ -12,11 +12,11 @@
 //! | | spp | ξ^¼ Δ^(3/2) σ^½ over 5×5 | E |
 //! |---|--:|--:|--:|
 //! | five scenes | 16 | 3.20, ×3.5 | 0.81, ×1.8 |
-//! | | 64 | 2.09, ×2.2 | 0.97, ×1.6 |
-//! | | 256 | 1.67, ×2.2 | 1.11, ×1.5 |
-//! | thirteen others | 16 | 4.30, ×3.9 | 1.02, ×1.6 |
-//! | | 64 | 2.89, ×4.1 | 1.06, ×1.3 |
-//! | | 256 | 1.60, ×3.4 | 0.90, ×1.4 |
+//! | | 64 | 2.09, ×2.2 | 1.00, ×1.6 |
+//! | | 256 | 1.67, ×2.2 | 1.13, ×1.5 |
+//! | thirteen others | 16 | 4.30, ×3.9 | 1.06, ×1.7 |
+//! | | 64 | 2.89, ×4.1 | 1.16, ×1.4 |
+//! | | 256 | 1.60, ×3.4 | 0.98, ×1.5 |
 //!
 //! Least where both stages are wrong alike: ×0.4 on fine foliage, on noisy textures and caustics at 16 spp; most out of
 //! focus at 16 spp, ×3. Of squared errors as they are, which a few highlights are the most of, it is half.
