@@ -297,6 +297,14 @@ fn an_answer_that_finds_the_disk_full_is_told() {
     assert_eq!(output.status.code(), Some(5));
 }
 
+/// Runs the program with its standard output in a file: its exit code, and what it says besides.
+#[cfg(target_os = "linux")]
+fn run_into(file: std::fs::File, arguments: &[&Path]) -> (Option<i32>, String) {
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
+    let ended = command.args(arguments).stdout(file).output().unwrap();
+    (ended.status.code(), String::from_utf8(ended.stderr).unwrap())
+}
+
 /// The frame is done all the same, and what is told at the end is the log's fault alone.
 #[test]
 #[cfg(target_os = "linux")]
@@ -305,11 +313,8 @@ fn a_log_that_takes_no_more_fails_no_frame() {
     let (input, output, all) =
         (render(folder.path()), folder.path().join("out.exr"), folder.path().join("all.json"));
     let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
-    command.args([&input, &output, Path::new("--sequence-report"), &all]).stdout(full);
-    let ended = command.output().unwrap();
-    let said = String::from_utf8(ended.stderr).unwrap();
-    assert_eq!(ended.status.code(), Some(5), "{said}");
+    let (code, said) = run_into(full, &[&input, &output, Path::new("--sequence-report"), &all]);
+    assert_eq!(code, Some(5), "{said}");
     assert_eq!(said.matches("the standard output cannot be written").count(), 1, "{said}");
     let report: Value = serde_json::from_slice(&std::fs::read(&all).unwrap()).unwrap();
     assert_eq!(report["counts"]["done"], 1);
@@ -344,11 +349,9 @@ fn a_log_is_not_replaced_by_way_of_its_descriptor() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output, log) =
         (render(folder.path()), folder.path().join("out.exr"), folder.path().join("log"));
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_apr-denoise"));
-    command.args([&input, &output]).args(["--report", "/dev/stdout"]);
-    let ended = command.stdout(std::fs::File::create(&log).unwrap()).output().unwrap();
-    let told = String::from_utf8(ended.stderr).unwrap();
-    assert!(ended.status.code() == Some(2) && told.contains("/dev/stdout: is an open file"), "{told}");
+    let log = std::fs::File::create(&log).unwrap();
+    let (code, told) = run_into(log, &[&input, &output, Path::new("--report"), Path::new("/dev/stdout")]);
+    assert!(code == Some(2) && told.contains("/dev/stdout: is an open file"), "{told}");
     assert!(!output.exists());
 }
 

@@ -63,8 +63,8 @@ const LIGHT_MARGIN: f32 = 2.0;
 const LIGHT_RADIUS: usize = 2;
 
 /// This share of the light that is there counts as a sum's noise, too: on walls two deviations are often exceeded by
-/// chance, and show as specks. `[choice]` of 0, 0.1, 0.25 and 0.5: relMSE D ×0.994, ×0.997, ×0.998 and ×0.999, MSE ×0.955,
-/// ×0.961, ×0.976 and ×0.984 of the result without light; at 0.1 the specks on floors are gone, and most of those on walls.
+/// chance, and show as specks. `[choice]` of 0, 0.1, 0.25 and 0.5: relMSE ×0.994, ×0.997, ×0.998 and ×0.999,
+/// MSE ×0.955, ×0.961, ×0.976 and ×0.984 of the result without light (five scenes); at 0.1 the specks on floors are gone, and most of those on walls.
 const LIGHT_SHARE: f32 = 0.1;
 
 /// How far around a pixel the shares look: the widest of the means, and theirs.
@@ -99,13 +99,12 @@ fn shares(noisy: [&Plane; 3], reconstruction: &Rgb, variance: &Rgb, smoothed: &R
     let own = sum_of_channels(variance);
     let around = |plane: &Plane| smooth(plane, RADIUS);
     let squares = around(&Plane::par_from_fn(width, height, |x, y| own.get(x, y).powi(2).min(f32::MAX)));
-    let near = |at: usize, limit: usize| places(at, RADIUS, limit).len();
     let widely = smooth(&own, NOISE_RADIUS);
     let (residual, noise, own) = (around(&residual), around(&noise), around(&own));
     let shares = Plane::par_from_fn(width, height, |x, y| {
         let (s, own) = (residual.get(x, y), own.get(x, y));
         let n = noise.get(x, y).max(LEAST_NOISE * widely.get(x, y));
-        let pixels = (near(x, width) * near(y, height)) as f32;
+        let pixels = pixels_within(RADIUS, [x, y], (width, height));
         let lone = if own > 0.0 { (squares.get(x, y) / pixels).sqrt() / own } else { 0.0 };
         let margin = MARGIN.max(1.0 + LONE_MARGIN * lone);
         if s > 0.0 { (1.0 - margin * n / s).max(0.0) } else { 0.0 }
@@ -125,14 +124,18 @@ fn shares_of_light(noisy: [&Plane; 3], reconstruction: &Rgb, variance: &Rgb) -> 
     });
     let light = sum_of_channels(reconstruction);
     let [residual, noise, light] = [residual, noise, light].map(|plane| smooth(&plane, LIGHT_RADIUS));
-    let near = |at: usize, limit: usize| places(at, LIGHT_RADIUS, limit).len();
     let shares = Plane::par_from_fn(width, height, |x, y| {
         let r = residual.get(x, y);
-        let n = noise.get(x, y) / (near(x, width) * near(y, height)) as f32; // of the mean of so many
+        let n = noise.get(x, y) / pixels_within(LIGHT_RADIUS, [x, y], (width, height)); // of the mean of so many
         let n = n + (LIGHT_SHARE * light.get(x, y)).powi(2);
         if r > 0.0 { (1.0 - LIGHT_MARGIN.powi(2) * (n / r) / r).max(0.0) } else { 0.0 }
     });
     smooth(&shares, LIGHT_RADIUS)
+}
+
+/// How many pixels a mean over `radius` is of at column `x` and row `y`.
+fn pixels_within(radius: usize, [x, y]: [usize; 2], (width, height): (usize, usize)) -> f32 {
+    (places(x, radius, width).len() * places(y, radius, height).len()) as f32
 }
 
 /// plane ← plane + share · (noisy − plane).

@@ -2,8 +2,8 @@
 //!
 //! A pixel whose colour is bad is repaired in its AOVs and half buffers too, by the mean of its good
 //! neighbours, so that what sums before sums after; and in its variance, which is of what was bad: so is a feature's.
-//! An AOV, half or variance that is bad where the colour is good is repaired alone and costs the colour nothing. Blocks are filled from their rim inwards. A plane that is a
-//! number nowhere is left out, and costs the others nothing.
+//! An AOV, half or variance that is bad where the colour is good is repaired alone and costs the colour nothing. Blocks
+//! are filled from their rim inwards. A plane that is a number nowhere is left out, and costs the others nothing.
 //! Negative colour is counted and kept: pixel filters with negative lobes make it, and it belongs to
 //! the mean.
 

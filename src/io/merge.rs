@@ -74,7 +74,7 @@ impl Piece {
 ///
 /// # Errors
 /// `Lacking` when the regions overlap or do not cover the picture, or come of different inputs or settings;
-/// `Unreadable` when one is damaged; `Unwritable` when the folder or the disk does not take the picture.
+/// `Unreadable` when one is damaged; `Misplaced` or `Unwritable` when the folder or the disk does not take the picture.
 pub fn merge(target: impl AsRef<Path>, paths: &[PathBuf]) -> Result<()> {
     let pieces: Vec<Piece> = paths.iter().map(|path| Piece::open(path)).collect::<Result<_>>()?;
     let Some(first) = pieces.first() else {

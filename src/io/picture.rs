@@ -93,8 +93,8 @@ impl Picture {
     /// As [`Survey::write`].
     ///
     /// # Errors
-    /// `Usage` when `denoised` is of another picture; `Unwritable` when the folder or the disk does not take it:
-    /// `target` is then as it was.
+    /// `Usage` when `denoised` is of another picture; `Misplaced` or `Unwritable` when the folder or the disk does not
+    /// take it: `target` is then as it was.
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         self.survey.write(target, denoised, aux)
     }

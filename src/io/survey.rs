@@ -228,8 +228,8 @@ impl Survey {
     /// bit. Returns what the user should know.
     ///
     /// # Errors
-    /// `Usage` when `denoised` is of another picture; `Unwritable` when the folder or the disk does not take it:
-    /// `target` is then as it was.
+    /// `Usage` when `denoised` is of another picture; `Misplaced` or `Unwritable` when the folder or the disk does not
+    /// take it: `target` is then as it was.
     pub fn write(&self, target: impl AsRef<Path>, denoised: &Denoised, aux: bool) -> Result<Vec<String>> {
         self.check(denoised, self.size())?;
         let (replacements, additions) = self.results(denoised, aux);

@@ -1,6 +1,6 @@
 //! The command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use apr::baseline::Method;
 use apr::io::{Mapping, ReadOptions, Renderer, VarianceKind};
@@ -55,8 +55,10 @@ pub enum Command {
     },
 }
 
-/// As the name of a report: it is printed.
-pub const STANDARD_OUTPUT: &str = "-";
+/// Whether a report of this name goes to the standard output.
+pub fn is_printed(report: &Path) -> bool {
+    report == "-"
+}
 
 /// Denoise one picture or a sequence.
 #[derive(Debug, Args)]
@@ -86,8 +88,8 @@ pub struct Arguments {
     /// same region, else the run stops before any work, or does it again with --overwrite.
     #[arg(long, conflicts_with_all = ["inspect", "target_error"])]
     pub skip_existing: bool,
-    /// Replace pictures and reports that this program did not write, too; and denoise those pictures again, in their own place, that it
-    /// has denoised already. With --skip-existing: do again what was made by other options.
+    /// Replace pictures and reports that this program did not write, too; and denoise those pictures again, in their own
+    /// place, that it has denoised already. With --skip-existing: do again what was made by other options.
     #[arg(long)]
     pub overwrite: bool,
     /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
@@ -226,7 +228,7 @@ const EXIT_CODES: &str = "Exit codes:
 impl Arguments {
     /// Whether the standard output is for people: nobody wants silence, nor a report there.
     pub fn answers(&self) -> bool {
-        !self.quiet && self.report.as_deref().is_none_or(|path| path != STANDARD_OUTPUT)
+        !self.quiet && !self.report.as_deref().is_some_and(is_printed)
     }
 
     /// How to understand the input of `job`.

@@ -2,7 +2,7 @@
 //! of names, times and machines, so that the same files give the same result to the byte.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use apr::error::Result;
 use apr::io;
@@ -31,7 +31,11 @@ impl MadeOf {
 
 /// Those of all frames that were looked at, by their input: frames beside each other need the same.
 #[derive(Debug, Default)]
-pub struct Fingerprints(BTreeMap<PathBuf, Vec<String>>);
+pub struct Fingerprints {
+    of_frames: BTreeMap<PathBuf, Vec<String>>,
+    /// Whether nothing is cut off an input.
+    whole: BTreeMap<PathBuf, bool>,
+}
 
 impl Fingerprints {
     /// What `job` is made of. Frames beside that cannot be read, or are cut off, count as gaps.
@@ -44,8 +48,7 @@ impl Fingerprints {
         let mut side = |sign: i32| {
             let beside = |offset| {
                 let job = plan.beside(job, sign * offset)?;
-                let is_whole = io::provenance(&job.input).is_ok_and(|found| found.whole);
-                if is_whole { self.of_one(&job, arguments).ok() } else { None }
+                if self.is_whole(&job.input) { self.of_one(&job, arguments).ok() } else { None }
             };
             (1..=reach).map_while(beside).collect()
         };
@@ -54,11 +57,16 @@ impl Fingerprints {
     }
 
     fn of_one(&mut self, job: &Job, arguments: &Arguments) -> Result<Vec<String>> {
-        if let Some(known) = self.0.get(&job.input) {
+        if let Some(known) = self.of_frames.get(&job.input) {
             return Ok(known.clone());
         }
         let found = io::fingerprints(&job.input, &arguments.read_options(job))?;
-        self.0.insert(job.input.clone(), found.clone());
+        self.of_frames.insert(job.input.clone(), found.clone());
         Ok(found)
+    }
+
+    fn is_whole(&mut self, input: &Path) -> bool {
+        let look = || io::provenance(input).is_ok_and(|found| found.whole);
+        *self.whole.entry(input.to_owned()).or_insert_with(look)
     }
 }

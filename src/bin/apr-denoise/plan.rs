@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, RunFile};
 
-use crate::arguments::{Arguments, Missing, STANDARD_OUTPUT};
+use crate::arguments::{Arguments, Missing, is_printed};
 use crate::frames::{FrameSet, counted};
 use crate::made_of::Fingerprints;
 use crate::parts::Region;
@@ -210,7 +210,8 @@ impl Plan {
     ///
     /// # Errors
     /// `Usage` when results would overwrite each other, an input that is still needed or a picture that this program
-    /// did not write, or were made by other settings, or a folder takes no file; `Unwritable` when the disk is at fault.
+    /// did not write, or were made by other settings; `Misplaced` when a folder takes no file; `Unwritable` when the disk
+    /// is at fault.
     pub fn settle_targets(&mut self, arguments: &Arguments, signature: &str) -> Result<()> {
         self.check_in_place(arguments)?;
         self.check_collisions(arguments)?;
@@ -263,14 +264,16 @@ impl Plan {
         })
     }
 
-    /// Checks that the names of what is written for every frame have a place for its number.
+    /// Checks that the names of what is written for every frame have a place for its number, and that the report of all
+    /// is a file.
     fn check_places(&self, arguments: &Arguments) -> Result<()> {
         if let Some(path) = arguments.sequence_report.as_deref().filter(|path| is_printed(path)) {
             return Err(usage("the report of all frames is not printed").remedy("name a file").in_file(path));
         }
         let Names { output, report, sampling_map, .. } = &self.names;
-        let one = |name: &&Name| matches!(name, Name::One(path) if !is_printed(path));
-        match [output, report, sampling_map].into_iter().flatten().find(one) {
+        let report = report.as_ref().filter(|name| !matches!(name, Name::One(path) if is_printed(path)));
+        let one = |name: &&Name| matches!(name, Name::One(_));
+        match [output.as_ref(), report, sampling_map.as_ref()].into_iter().flatten().find(one) {
             Some(Name::One(path)) if self.jobs.len() > 1 => {
                 let what =
                     "several results would be written here: the name has no place for the frame's number";
@@ -382,11 +385,6 @@ fn words(region: Option<[i64; 4]>) -> String {
 }
 
 /// The error of a file that would have to be made of an input which is denoised already.
-/// Whether a report of this name goes to the standard output.
-fn is_printed(report: &Path) -> bool {
-    report == STANDARD_OUTPUT
-}
-
 fn lost(missing: RunFile) -> Error {
     usage(&format!("{} is missing, and its input was denoised in place", missing.role))
         .remedy("leave the option out, or denoise the render itself again")

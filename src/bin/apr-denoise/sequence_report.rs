@@ -114,7 +114,7 @@ impl<'a> SequenceReport<'a> {
     /// Writes it to `path`.
     ///
     /// # Errors
-    /// `Unwritable` when the folder or the disk does not take it.
+    /// `Misplaced` or `Unwritable` when the folder or the disk does not take it.
     pub fn write(&self, path: &std::path::Path) -> Result<()> {
         io::write_bytes(path, apr::report::json(self)?.as_bytes())
     }
