@@ -65,6 +65,13 @@ impl Guides {
         }
     }
 
+    /// Lets the colours' differences pass for noise no farther than is `forgiven`.
+    pub fn forgive(&mut self, tolerance: f32, forgiven: &Plane) {
+        for guide in [&mut self.color, &mut self.irradiance].into_iter().flatten() {
+            guide.forgive_where(tolerance, forgiven);
+        }
+    }
+
     /// What a kernel compares, colour over albedo or colour; it must be one of those that these were
     /// [turned to](Self::turned_to).
     pub fn compared(&self, demodulated: bool) -> Compared<'_> {

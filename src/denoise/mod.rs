@@ -10,6 +10,7 @@ mod energy;
 pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;
+mod forgiveness;
 pub(crate) mod gram;
 mod guides;
 mod nlm;
@@ -177,7 +178,7 @@ fn fits(
 
 /// Where every stage works so that the part is right, in the picture and in its blocks.
 fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
-    let (size, radius, stages) = (part.read.size(), options.window_radius, options.stages.len());
+    let size = part.read.size();
     let mut wanted = part.within();
     wanted = wanted.grown(if options.restore { restore::REACH } else { confidence::RADIUS }, size);
     if options.coarse {
@@ -187,7 +188,7 @@ fn areas(part: &Part, options: &Options) -> [Vec<Area>; 2] {
     let nowhere = Rect::whole((0, 0));
     let halved = Area { origin: (blocks.x, blocks.y), wanted: wanted.blocks(), counted: nowhere };
     let own = Area { origin: part.origin(), wanted, counted: part.within() };
-    [own.of_stages(stages, size, radius), halved.of_stages(stages, blocks.size(), radius)]
+    [own.of_stages(size, options), halved.of_stages(blocks.size(), options)]
 }
 
 /// A picture that is as it was.

@@ -9,6 +9,7 @@
 //! | the estimated error | 2 | means |
 //! | the merge of the coarse picture | 7 | two means over 3×3 blocks, the block beside |
 //! | each stage of fits | 3w + T − 1 | fits that reach the pixel, those that the coverage test sees with them (out to its tile's border), and their windows |
+//! | each stage but the first | p + 3 | patches, and means of what the stage before missed |
 //! | weights | p, 1 at least | patches, and slopes of features |
 //! | features | search + patch + 1 | their filter, over variances that are smoothed |
 //! | variance | smoothing + 3 + what outliers look | estimated over 7×7 pixels at most, outliers replaced |
@@ -35,8 +36,11 @@ pub fn halo(options: &Options, facts: &Facts) -> usize {
 fn reach(options: &Options, estimated: bool) -> usize {
     let prefilter = &options.prefilter;
     let restored = if options.restore { restore::REACH } else { confidence::RADIUS };
-    let fits_of =
-        |stages: usize| stages * reconstruct::reach(options.window_radius) + options.largest_patch().max(1);
+    let fits_of = |stages: usize| {
+        stages * reconstruct::reach(options.window_radius)
+            + (stages - 1) * reconstruct::more_of_a_pilot(options)
+            + options.largest_patch().max(1)
+    };
     let fits = fits_of(options.stages.len());
     let feature = if prefilter.enabled { prefilter.window_radius + prefilter.patch_radius + 1 } else { 0 };
     let smoothing = options.variance_radius.max(variance::TRUSTED_RADIUS);

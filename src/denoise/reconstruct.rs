@@ -28,10 +28,11 @@
 //! pixel depends on pixels within a bounded distance alone, wherever the picture is cut.
 
 use super::exposure;
+use super::forgiveness;
 use super::solver::{Pilot, Problem, Solver};
 use super::window::Window;
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
-use crate::options::{Kernel, MAX_WINDOW_RADIUS};
+use crate::options::{Kernel, MAX_WINDOW_RADIUS, Options};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -126,16 +127,23 @@ pub const fn reach(window_radius: usize) -> usize {
     3 * window_radius + TILE - 1
 }
 
+/// How much farther than the fits a stage looks at the one before: patches, and what it forgives in them.
+pub fn more_of_a_pilot(options: &Options) -> usize {
+    options.largest_patch() + forgiveness::RADIUS
+}
+
 impl Area {
-    /// The areas of `stages` stages, the last of which is this one, on planes of `size`.
-    pub fn of_stages(self, stages: usize, size: (usize, usize), window_radius: usize) -> Vec<Self> {
-        let before = |area: &Self| Some(Self { wanted: area.reads(size, window_radius), ..*area });
-        let mut areas: Vec<Self> = std::iter::successors(Some(self), before).take(stages).collect();
+    /// The areas of all stages, the last of which is this one, on planes of `size`.
+    pub fn of_stages(self, size: (usize, usize), options: &Options) -> Vec<Self> {
+        let (radius, more) = (options.window_radius, more_of_a_pilot(options));
+        let before = |area: &Self| Some(Self { wanted: area.reads(size, radius).grown(more, size), ..*area });
+        let mut areas: Vec<Self> =
+            std::iter::successors(Some(self), before).take(options.stages.len()).collect();
         areas.reverse();
         areas
     }
 
-    /// The pixels that are read, patches aside, of planes of `size`: where the stage before must be right.
+    /// The pixels that are read, patches aside, of planes of `size`.
     fn reads(&self, size: (usize, usize), window_radius: usize) -> Rect {
         tested(self.wanted, self.origin, size, window_radius).grown(2 * window_radius, size)
     }

@@ -2,6 +2,7 @@
 
 use super::basis::Basis;
 use super::design::Design;
+use super::forgiveness;
 use super::guides::{Guided, Guides};
 use super::observer::Log;
 use super::reconstruct::{self, Area, Reconstruction, Sums};
@@ -101,6 +102,10 @@ impl<'a> Fits<'a> {
     pub fn stage(&mut self, asked: &Asked<'_>, pilot: Option<Pilot>, log: &mut Log<'_>) -> Reconstruction {
         let Self { signal, beside, options, ref basis, ref noise, .. } = *self;
         self.guides = std::mem::take(&mut self.guides).turned_to(asked.kernels, signal.guided(), options);
+        if let Some(pilot) = pilot.as_ref().filter(|_| options.tolerance > 0.0) {
+            let forgiven = forgiveness::after(&pilot.color, signal, options.tolerance);
+            self.guides.forgive(options.tolerance, &forgiven);
+        }
         let targets: Vec<&Plane> = signal.targets[..asked.targets].iter().collect();
         let problem = Problem {
             targets: &targets,

@@ -95,20 +95,41 @@ impl Guide {
         let variances: Vec<_> =
             (0..count).map(|n| padded(size, rect, pad, limits, |at, out| variance(n, at, out))).collect();
         let mut noise = vec![0.0; planes[0].len()];
-        let mut level = noise.clone();
-        let rows = noise.par_chunks_exact_mut(stride).zip(level.par_chunks_exact_mut(stride));
-        rows.with_min_len(TASK_ROWS).enumerate().for_each(|(y, (noise, level))| {
-            let row = y * stride..(y + 1) * stride;
+        noise.par_chunks_exact_mut(stride).with_min_len(TASK_ROWS).enumerate().for_each(|(y, noise)| {
             for variance in &variances {
-                noise.iter_mut().zip(&variance[row.clone()]).for_each(|(sum, v)| *sum += v);
+                noise.iter_mut().zip(&variance[y * stride..]).for_each(|(sum, v)| *sum += v);
             }
-            for plane in &planes {
-                let plane = &plane[row.clone()];
-                level.iter_mut().zip(plane).for_each(|(sum, v)| *sum += (tolerance * v).powi(2));
-            }
-            level.iter_mut().zip(&*noise).for_each(|(level, noise)| *level += noise);
         });
-        Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad }
+        let level = vec![0.0; noise.len()];
+        let mut guide = Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad };
+        guide.forgive(tolerance, None);
+        guide
+    }
+
+    /// Takes differences of the share `tolerance` of the planes for noise, its square times what is `forgiven` at every
+    /// pixel, if not all of it is.
+    fn forgive(&mut self, tolerance: f32, forgiven: Option<&[f32]>) {
+        let Self { planes, noise, level, stride, .. } = self;
+        let rows = level.par_chunks_exact_mut(*stride);
+        rows.with_min_len(TASK_ROWS).enumerate().for_each(|(y, level)| {
+            let from = y * *stride;
+            level.fill(0.0);
+            for plane in &*planes {
+                level.iter_mut().zip(&plane[from..]).for_each(|(sum, v)| *sum += (tolerance * v).powi(2));
+            }
+            if let Some(forgiven) = forgiven {
+                level.iter_mut().zip(&forgiven[from..]).for_each(|(level, share)| *level *= share);
+            }
+            level.iter_mut().zip(&noise[from..]).for_each(|(level, noise)| *level += noise);
+        });
+    }
+
+    /// Forgives differences of the share `tolerance` of the planes of a whole picture as far as is `forgiven`, 0 to 1.
+    pub fn forgive_where(&mut self, tolerance: f32, forgiven: &Plane) {
+        let size = forgiven.size();
+        let fill = |at, out: &mut [f32]| forgiven.copy_row(at, out);
+        let forgiven = padded(size, Rect::whole(size), self.pad, [0.0, 1.0], fill);
+        self.forgive(tolerance, Some(&forgiven));
     }
 
     /// The same of planes of any unit: by an ε that is less than any variance. By the picture's a feature in a
