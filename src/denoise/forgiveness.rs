@@ -8,7 +8,7 @@
 //! `[choice]` relMSE, MSE of the result with the whole tolerance everywhere, at 16, 64 and 256 spp (on the bumps alone
 //! relMSE ×0.89, ×0.81, ×0.86):
 //!
-//! | radius, κ, c | five scenes | thirteen | seventeen that nothing was tuned on |
+//! | radius, κ, c | five scenes | thirteen | seventeen that nothing else was tuned on |
 //! |---|--:|--:|--:|
 //! | 3, 0.85, 0.06 | ×0.984, ×1.002 | ×0.997, ×0.999 | ×0.958, ×0.974 |
 //! | 2, 1, 0.06 | ×0.986, ×1.002 | ×0.996, ×0.998 | ×0.964, ×0.978 |
