@@ -55,7 +55,7 @@ mod tests {
     /// What is left in the middle of a picture whose left half a pilot of constant light has missed by `detail`, and right half
     /// by noise of the `variance`, both shares of the light.
     fn left(detail: f32, variance: f32, light: f32) -> [f32; 2] {
-        let sign = |x: usize, y: usize| if (x * 7 + y * 3) % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = |x: usize, y: usize| if (x * 7 + y * 3).is_multiple_of(2) { 1.0 } else { -1.0 };
         let noisy = Plane::from_fn(40, 20, |x, y| {
             light * (1.0 + sign(x, y) * if x < 20 { detail } else { variance.sqrt() })
         });
