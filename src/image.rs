@@ -235,6 +235,14 @@ pub fn sum_of_channels(planes: &Rgb) -> Plane {
     Plane::par_from_fn(width, height, |x, y| planes.iter().map(|plane| plane.get(x, y)).sum::<f32>())
 }
 
+/// The squared difference, summed over the three channels, pixel by pixel; finite where the colours are.
+pub fn squared_difference(a: [&Plane; 3], b: &Rgb) -> Plane {
+    let (width, height) = a[0].size();
+    Plane::par_from_fn(width, height, |x, y| {
+        a.iter().zip(b).map(|(a, b)| (a.get(x, y) - b.get(x, y)).powi(2)).sum::<f32>().min(f32::MAX)
+    })
+}
+
 /// The mean over the three channels, pixel by pixel.
 pub fn mean_of_channels(planes: &Rgb) -> Plane {
     let mut mean = sum_of_channels(planes);

@@ -120,9 +120,8 @@ fn a_frame_knows_where_its_data_window_begins() {
 
 #[test]
 fn an_edge_that_moves_without_vectors_or_with_wrong_ones_does_no_harm() {
-    // A single column that has changed is within the chance of three deviations: there it does some. (The frame's own
-    // samples are no longer forgiven what the stage before has missed, the neighbours' still are.)
-    for (way, wrong, most) in [(8, None, 1.0), (8, Some(-3.0), 1.0), (2, None, 1.0), (1, None, 1.5)] {
+    // A single column that has changed is within the chance of three deviations: there it does some.
+    for (way, wrong, most) in [(8, None, 1.0), (8, Some(-3.0), 1.0), (2, None, 1.0), (1, None, 1.35)] {
         let frames = |seed: u64| {
             let at = [24 - way, 24, 24 + way];
             let still = at.map(|at| noisy(edge(at), seed + at as u64));

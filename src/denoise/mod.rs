@@ -130,9 +130,9 @@ fn run(
         log.begin(Stage::Coarse);
         let as_one = AsOne::new(observer, options.stages.len());
         let log = &mut Log::new(&as_one);
-        fits(&signal.halved(options), &[], &coarse_areas, &coarse::options(options), log)
+        fits(&signal.halved(options), vec![], &coarse_areas, &coarse::options(options), log)
     });
-    let mut result = fits(&signal, &beside, &areas, options, log);
+    let mut result = fits(&signal, beside, &areas, options, log);
     if let Some(coarse) = coarse {
         coarse::merge(&mut result, &coarse, options.dark_level);
     }
@@ -153,7 +153,7 @@ fn run(
 /// (Moon et al. 2016).
 fn fits(
     signal: &Signal,
-    beside: &[Warped],
+    beside: Vec<Warped>,
     areas: &[Area],
     options: &Options,
     log: &mut Log<'_>,

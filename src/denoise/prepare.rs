@@ -78,7 +78,7 @@ fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>
         targets: 3,
         last: true,
     };
-    let fit = Fits::new(signal, &[], options).stage(&asked, None, &mut Log::new(log.observer));
+    let fit = Fits::new(signal, vec![], options).stage(&asked, None, &mut Log::new(log.observer));
     let again = |c: usize| variance::from_residual(&signal.targets[c], &fit.targets[c], &signal.variance[c]);
     signal.set_variance(std::array::from_fn(again), options);
 }

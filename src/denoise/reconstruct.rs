@@ -135,17 +135,18 @@ pub fn more_of_a_pilot(options: &Options) -> usize {
 impl Area {
     /// The areas of all stages, the last of which is this one, on planes of `size`.
     pub fn of_stages(self, size: (usize, usize), options: &Options) -> Vec<Self> {
-        let (radius, more) = (options.window_radius, more_of_a_pilot(options));
-        let before = |area: &Self| Some(Self { wanted: area.reads(size, radius).grown(more, size), ..*area });
+        let before = |area: &Self| Some(Self { wanted: area.reads(size, options), ..*area });
         let mut areas: Vec<Self> =
             std::iter::successors(Some(self), before).take(options.stages.len()).collect();
         areas.reverse();
         areas
     }
 
-    /// The pixels that are read, patches aside, of planes of `size`.
-    fn reads(&self, size: (usize, usize), window_radius: usize) -> Rect {
-        tested(self.wanted, self.origin, size, window_radius).grown(2 * window_radius, size)
+    /// The pixels that are read of planes of `size`: where the stage before must be right.
+    fn reads(&self, size: (usize, usize), options: &Options) -> Rect {
+        let radius = options.window_radius;
+        let around = 2 * radius + more_of_a_pilot(options);
+        tested(self.wanted, self.origin, size, radius).grown(around, size)
     }
 }
 

@@ -27,7 +27,7 @@
 use super::reconstruct::Reconstruction;
 use super::signal::Signal;
 use super::variance::{around as places, smooth};
-use crate::image::{Plane, Rgb, mean_of_channels, sum_of_channels};
+use crate::image::{Plane, Rgb, mean_of_channels, squared_difference, sum_of_channels};
 use rayon::prelude::*;
 
 /// Radius of the neighbourhood over which S and N are summed.
@@ -87,14 +87,7 @@ pub fn apply(result: &mut Reconstruction, signal: &Signal, measured: bool) {
 /// The share of the residual to give back at every pixel, 0 to 1; the noise is that of the `smoothed` variance.
 fn shares(noisy: [&Plane; 3], reconstruction: &Rgb, variance: &Rgb, smoothed: &Rgb) -> Plane {
     let (width, height) = noisy[0].size();
-    let residual = Plane::par_from_fn(width, height, |x, y| {
-        noisy
-            .iter()
-            .zip(reconstruction)
-            .map(|(a, b)| (a.get(x, y) - b.get(x, y)).powi(2))
-            .sum::<f32>()
-            .min(f32::MAX)
-    });
+    let residual = squared_difference(noisy, reconstruction);
     let noise = sum_of_channels(smoothed);
     let own = sum_of_channels(variance);
     let around = |plane: &Plane| smooth(plane, RADIUS);

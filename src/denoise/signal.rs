@@ -69,7 +69,7 @@ fn smoothed(variance: &Rgb, options: &Options) -> Rgb {
 /// The fits of a signal, stage by stage.
 pub struct Fits<'a> {
     signal: &'a Signal,
-    beside: &'a [Warped],
+    beside: Vec<Warped>,
     options: &'a Options,
     basis: Basis,
     noise: Plane,
@@ -92,7 +92,7 @@ pub struct Asked<'a> {
 
 impl<'a> Fits<'a> {
     /// Of `signal` with the samples of the frames `beside`.
-    pub fn new(signal: &'a Signal, beside: &'a [Warped], options: &'a Options) -> Self {
+    pub fn new(signal: &'a Signal, beside: Vec<Warped>, options: &'a Options) -> Self {
         let basis = Basis::new(options.window_radius, signal.design.planes.len(), options.max_order);
         let noise = sum_of_channels(&signal.smoothed);
         Self { signal, beside, options, basis, noise, guides: Guides::default() }
@@ -100,23 +100,26 @@ impl<'a> Fits<'a> {
 
     /// One stage, which knows of the true picture what `pilot` says.
     pub fn stage(&mut self, asked: &Asked<'_>, pilot: Option<Pilot>, log: &mut Log<'_>) -> Reconstruction {
-        let Self { signal, beside, options, ref basis, ref noise, .. } = *self;
+        let (signal, options) = (self.signal, self.options);
         self.guides = std::mem::take(&mut self.guides).turned_to(asked.kernels, signal.guided(), options);
         if let Some(pilot) = pilot.as_ref().filter(|_| options.tolerance > 0.0) {
-            let forgiven = forgiveness::after(&pilot.color, signal, options.tolerance);
-            self.guides.forgive(options.tolerance, &forgiven);
+            let forgiven = forgiveness::after(&pilot.color, signal, &self.noise, options.tolerance);
+            let beside = self.beside.iter_mut().map(|beside| &mut beside.guides);
+            std::iter::once(&mut self.guides)
+                .chain(beside)
+                .for_each(|guides| guides.forgive(options.tolerance, &forgiven));
         }
         let targets: Vec<&Plane> = signal.targets[..asked.targets].iter().collect();
         let problem = Problem {
             targets: &targets,
             variance: &signal.smoothed,
-            noise,
+            noise: &self.noise,
             pilot: pilot.as_ref(),
             features: &signal.design.planes,
             guides: &self.guides,
             albedo: signal.design.albedo.as_ref(),
-            beside,
-            basis,
+            beside: &self.beside,
+            basis: &self.basis,
             options,
         };
         let pass = |(n, factor): (usize, &f32)| {
