@@ -33,6 +33,11 @@ impl Basis {
         1 + self.features + MONOMIALS_UP_TO[order]
     }
 
+    /// The lowest order whose model holds `column`.
+    pub fn order_of(&self, column: usize) -> usize {
+        (0..self.max_order).find(|order| column < self.columns_up_to(*order)).unwrap_or(self.max_order)
+    }
+
     /// Number of columns of the largest model.
     pub fn columns(&self) -> usize {
         self.columns_up_to(self.max_order)

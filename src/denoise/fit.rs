@@ -1,7 +1,7 @@
 //! One factorisation gives every order (nested Cholesky).
 //!
-//! The columns are ordered so that the models nest: [1 | features | x, y | x², xy, y² | cubic]. With
-//! A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of size p_k holds all there is to
+//! The columns are taken in an order that tells what they are worth: by default the design's, in which the models nest:
+//! [1 | features | x, y | x², xy, y² | cubic]. With A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of size p_k holds all there is to
 //! know of the model with p_k columns: its coefficients, its residual Σ w y² − Σ z², its noise gain Σ d.
 //! In the basis of z the columns are orthonormal, so that leaving a model's last columns out, or
 //! shrinking them, is a multiplication of z.
@@ -24,7 +24,9 @@ const BLOCK: usize = 4;
 #[derive(Debug, Clone, Default)]
 pub struct Factor {
     p: usize,
-    /// 1/√A_ii, 0 for an empty column; behind them 1 for every right-hand side.
+    /// Which column each component belongs to.
+    order: Vec<usize>,
+    /// 1/√A_ii, 0 for an empty column, in that order.
     scale: Vec<f64>,
     /// L of the equilibrated A, row major; a dropped column has L_ii = 0.
     l: Vec<f64>,
@@ -104,9 +106,24 @@ macro_rules! with_blocks {
 }
 
 impl Factor {
-    /// Factorises `gram`, which has `p` columns and `r` right-hand sides.
+    /// Factorises `gram`, which has `p` columns and `r` right-hand sides, its columns in their order.
     #[inline(always)]
     pub fn factorise(&mut self, gram: &Gram, p: usize, r: usize) {
+        self.order.clear();
+        self.order.extend(0..p);
+        self.factorise_ordered(gram, p, r);
+    }
+
+    /// The same with the columns in this `order`.
+    #[inline(always)]
+    pub fn factorise_in(&mut self, order: &[usize], gram: &Gram, r: usize) {
+        self.order.clear();
+        self.order.extend_from_slice(order);
+        self.factorise_ordered(gram, order.len(), r);
+    }
+
+    #[inline(always)]
+    fn factorise_ordered(&mut self, gram: &Gram, p: usize, r: usize) {
         self.p = p;
         self.equilibrate(gram, r);
         for buffer in [&mut self.l, &mut self.z, &mut self.d] {
@@ -126,26 +143,23 @@ impl Factor {
     fn equilibrate(&mut self, gram: &Gram, r: usize) {
         let (p, width) = (self.p, self.p + r);
         self.scale.clear();
-        self.scale.extend((0..p).map(|i| {
-            let energy = f64::from(gram.a[i * width + i]);
-            if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 }
-        }));
-        self.scale.resize(width, 1.0);
+        self.scale.extend(self.order.iter().map(|i| gram.equilibration(*i, width)));
         self.system.resize(p, width);
         self.noise.resize(p, p);
         for i in 0..p {
-            let own = self.scale[i];
-            // From a whole block on: what stands before the diagonal is never looked at.
-            let from = i / BLOCK * BLOCK;
-            let copy = |to: &mut [f64], values: &[f32]| {
-                let (to, padding) = to[from..].split_at_mut(values.len());
-                for ((to, value), scale) in to.iter_mut().zip(values).zip(&self.scale[from..]) {
-                    *to = f64::from(*value) * (own * scale);
-                }
-                padding.fill(0.0);
-            };
-            copy(self.system.row_mut(i), &gram.a[i * width + from..(i + 1) * width]);
-            copy(self.noise.row_mut(i), &gram.b[i * p + from..(i + 1) * p]);
+            let (own, row) = (self.scale[i], self.order[i]);
+            let (system, noise) = (self.system.row_mut(i), self.noise.row_mut(i));
+            // From the diagonal on; from there to the block's beginning nothing is ever looked at.
+            for ((j, &column), scale) in self.order.iter().enumerate().zip(&self.scale).skip(i) {
+                let (scale, above, below) = (own * scale, row.min(column), row.max(column));
+                system[j] = f64::from(gram.a[above * width + below]) * scale;
+                noise[j] = f64::from(gram.b[above * p + below]) * scale;
+            }
+            let (columns, padding) = system[p..].split_at_mut(r);
+            let sides = &gram.a[row * width + p..(row + 1) * width];
+            columns.iter_mut().zip(sides).for_each(|(to, side)| *to = f64::from(*side) * own);
+            padding.fill(0.0);
+            noise[p..].fill(0.0);
         }
     }
 
@@ -214,6 +228,11 @@ impl Factor {
         self.noise.data[start..start + N].copy_from_slice(&sums);
     }
 
+    /// Which column each component belongs to.
+    pub fn order(&self) -> &[usize] {
+        &self.order
+    }
+
     /// L⁻¹ b of right-hand side `t`.
     pub fn z(&self, t: usize) -> &[f64] {
         &self.z[t * self.p..(t + 1) * self.p]
@@ -250,7 +269,11 @@ impl Factor {
                 }
             }
             for t in 0..z.len() / p {
-                self.beta.extend(self.block.iter().zip(&self.scale).map(|(beta, scale)| beta[t] * scale));
+                let start = self.beta.len();
+                self.beta.resize(start + p, 0.0);
+                for ((column, beta), scale) in self.order.iter().zip(&self.block).zip(&self.scale) {
+                    self.beta[start + column] = beta[t] * scale;
+                }
             }
         }
     }

@@ -54,6 +54,14 @@ pub struct Gram {
     products: Vec<f32>,
 }
 
+impl Gram {
+    /// 1/√A_ii of column `i`, 0 where it is empty, in rows of `width`.
+    pub fn equilibration(&self, i: usize, width: usize) -> f64 {
+        let energy = f64::from(self.a[i * width + i]);
+        if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 }
+    }
+}
+
 /// Fills `gram` from `columns` with the vectors that `arch` offers, eight lanes at the most.
 pub fn accumulate(arch: Arch, columns: Columns<'_>, gram: &mut Gram) {
     let Columns { p, r, stride, .. } = columns;

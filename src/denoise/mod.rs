@@ -19,6 +19,7 @@ mod outlier;
 pub(crate) mod part;
 pub(crate) mod prefilter;
 mod prepare;
+mod pursuit;
 mod reconstruct;
 mod restore;
 mod risk;

@@ -6,6 +6,7 @@ use super::distances::{self, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::guides::Guides;
+use super::pursuit::Pursuit;
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
 use super::temporal::Warped;
@@ -94,6 +95,7 @@ pub struct Solver<'a> {
     means: Vec<f32>,
     scratch: Vec<f32>,
     gram: Gram,
+    pursuit: Pursuit,
     factor: Factor,
     choice: Choice,
     predicted: Vec<f32>,
@@ -133,6 +135,7 @@ impl<'a> Solver<'a> {
             means: vec![],
             scratch: vec![],
             gram: Gram::default(),
+            pursuit: Pursuit::default(),
             factor: Factor::default(),
             choice: Choice::default(),
             predicted: vec![],
@@ -205,7 +208,14 @@ impl<'a> Solver<'a> {
             weighted_noise: &self.weighted_noise,
         };
         accumulate(columns, &mut self.gram);
-        self.factor.factorise(&self.gram, p, r);
+        let Problem { pilot, options, targets, .. } = self.problem;
+        if risk::shrinks(options.order_choice, pilot.is_some()) {
+            let pilot = targets.len()..r;
+            let order = self.pursuit.order(&self.gram, p, r, pilot);
+            self.factor.factorise_in(order, &self.gram, r);
+        } else {
+            self.factor.factorise(&self.gram, p, r);
+        }
     }
 
     /// K_h of every sample.
