@@ -31,7 +31,6 @@ use crate::image::{Plane, Rect, Rgb};
 use crate::options::Options;
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::sync::OnceLock;
 
 /// Pixels from one node to the next.
 const SPACING: usize = 32;
@@ -47,17 +46,6 @@ pub struct Energy {
     columns: usize,
     nodes: Vec<Node>,
     pixels: usize,
-    memo: Memo,
-}
-
-/// What was worked out of the rest, and the witnesses that were asked for. It tells nothing of its own.
-#[derive(Debug, Clone, Default)]
-struct Memo(OnceLock<(f32, Gains)>);
-
-impl PartialEq for Memo {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
 }
 
 /// What belongs to a node.
@@ -148,13 +136,13 @@ fn around(x: usize, y: usize, columns: usize) -> [(usize, f64); 4] {
 ///
 /// # Errors
 /// When the facts of a part do not hold the whole picture's outliers.
-pub fn gains(
-    facts: &Facts,
+pub fn gains<'a>(
+    facts: &'a Facts,
     ready: &Prepared<'_>,
     part: &Part,
     options: &Options,
     log: &mut Log<'_>,
-) -> Result<Option<Gains>> {
+) -> Result<Option<Cow<'a, Gains>>> {
     let (count, energy) = ready.removed.count(part.within());
     log.summary.outliers = count;
     log.summary.energy_moved = energy.map(|energy| energy / f64::from(facts.exposure()));
@@ -162,21 +150,20 @@ pub fn gains(
         return Ok(None);
     }
     let (width, height) = part.picture;
-    let energy = match &facts.energy {
-        Some(energy) if energy.pixels == width * height => Cow::Borrowed(energy),
-        None if part.is_whole() => {
+    let gains = match (&facts.gains, facts.energy.pixels) {
+        (Some(gains), _) => Cow::Borrowed(gains),
+        (None, 0) if part.is_whole() => {
             let mut energy = Energy::default();
             energy.add(ready.signal.color(), &ready.removed, part.within(), part.wanted.y);
-            Cow::Owned(energy)
+            Cow::Owned(energy.gains(options.outliers.witnesses))
         }
-        known => {
-            let (known, pixels) = (known.as_ref().map_or(0, |energy| energy.pixels), width * height);
+        (None, known) => {
+            let pixels = width * height;
             let what = format!("the outliers of {known} pixels are known where the picture has {pixels}");
             let error = Error::new(ErrorKind::Usage, what);
             return Err(error.remedy("give every row to Facts::add_outliers first, once"));
         }
     };
-    let gains = energy.gains(options.outliers.witnesses);
     if gains.share < 1.0 {
         let given = format!("{:.0} % of their energy is given back", 100.0 * gains.share);
         log.note(format!("outliers: too few to tell how much light is missing; {given}"));
@@ -189,7 +176,6 @@ impl Energy {
     /// picture's row `y`: the colour without its outliers, and what was `removed`.
     pub fn add(&mut self, color: [&Plane; 3], removed: &Removed, rows: Rect, y: usize) {
         let Removed { outliers, taken } = removed;
-        self.memo = Memo::default();
         self.columns = rows.width.div_ceil(SPACING) + 1;
         let last = y + rows.height;
         self.nodes.resize((last.div_ceil(SPACING) + 1) * self.columns, Node::default());
@@ -228,21 +214,13 @@ impl Energy {
         }
     }
 
-    /// The gains of every target where windows hold `witnesses`; worked out once for all parts of a picture.
-    pub fn gains(&self, witnesses: f32) -> Gains {
-        let Memo(memo) = &self.memo;
-        match memo.get() {
-            Some((known, gains)) if *known == witnesses => gains.clone(),
-            _ => {
-                // Not under a lock: what is worked out on all threads may take up another part meanwhile.
-                let gains = self.work_out(witnesses);
-                let _ = memo.set((witnesses, gains.clone()));
-                gains
-            }
-        }
+    /// How many pixels were added.
+    pub fn pixels(&self) -> usize {
+        self.pixels
     }
 
-    fn work_out(&self, witnesses: f32) -> Gains {
+    /// The gains of every target where windows hold `witnesses`.
+    pub fn gains(&self, witnesses: f32) -> Gains {
         let sources = || (0..self.nodes.len()).filter(|&node| !self.nodes[node].taken.is_empty());
         let targets = sources().next().map_or(0, |node| self.nodes[node].taken.len());
         let whole = Rect::whole((self.columns, self.nodes.len() / self.columns.max(1)));
@@ -439,26 +417,6 @@ mod tests {
             }
             assert_eq!(parts, whole, "{heights:?}");
         }
-    }
-
-    #[test]
-    fn gains_that_were_worked_out_are_of_these_rows_and_witnesses_alone() {
-        let plane = Plane::from_fn(70, 50, |x, y| 0.3 + ((x * 7 + y * 13) % 11) as f32);
-        let outliers: Vec<Outlier> =
-            (0..20).map(|k| Outlier { x: 3 * k, y: 2 * k + 5, from: (0, 0) }).collect();
-        let taken: Vec<f32> = (0..20).map(|k| 1.0 + k as f32).collect();
-        let twice = |between: &dyn Fn(&Energy)| {
-            let mut twice = energy(&plane, &outliers, &taken);
-            between(&twice);
-            let removed = Removed { outliers: outliers.clone(), taken: vec![taken.clone(); 3] };
-            twice.add([&plane; 3], &removed, Rect::whole(plane.size()), 50);
-            twice
-        };
-        let (fresh, asked) = (|| twice(&|_| ()), twice(&|once| drop(once.gains(4.0))));
-        for witnesses in [4.0, 8.0, 4.0, 64.0] {
-            assert_eq!(asked.gains(witnesses), fresh().gains(witnesses), "{witnesses}");
-        }
-        assert_ne!(asked.gains(4.0), asked.gains(64.0));
     }
 
     #[test]

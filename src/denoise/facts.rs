@@ -5,7 +5,7 @@
 //! Only good values are asked: what the first stage repairs is a mean of those, or black. What depends on the
 //! answers, the energy of the outliers, is had by going through the rows a second time.
 
-use super::energy::Energy;
+use super::energy::{Energy, Gains};
 use super::exposure::Light;
 use super::observer::Log;
 use super::part::Part;
@@ -35,7 +35,9 @@ pub struct Facts {
     /// For each AOV and channel whether it is a number anywhere.
     aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
-    pub(super) energy: Option<Energy>,
+    pub(super) energy: Energy,
+    /// What gives it back, worked out once all its rows were added.
+    pub(super) gains: Option<Gains>,
 }
 
 /// What all portions of a picture's rows have in common.
@@ -254,8 +256,9 @@ impl Facts {
         self.check(&frame, part)?;
         let (known, log) = (self.known(), &mut Log::silent());
         let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log);
-        let energy = self.energy.get_or_insert_default();
-        energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        self.energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        let all = self.energy.pixels() == part.picture.0 * part.picture.1;
+        self.gains = all.then(|| self.energy.gains(options.outliers.witnesses));
         Ok(())
     }
 
