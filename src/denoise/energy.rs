@@ -448,7 +448,7 @@ mod tests {
     fn what_noise_below_black_had_is_given_back_to_what_it_is_the_noise_of() {
         let size @ (width, height) = (64, 48);
         // Its sum is 0, and so its mean over any row.
-        let noise = |x: usize, y: usize| if (x + y) % 2 == 0 { 0.2 } else { -0.2 };
+        let noise = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 0.2 } else { -0.2 };
         let outliers: Vec<Outlier> =
             (0..60).map(|k| Outlier { x: k, y: 7 * k % height, from: (0, 0) }).collect();
         for light in [0.0, 0.01, 0.05, 1.0] {

@@ -474,7 +474,7 @@ mod tests {
             for usable in [known.statistics, known.features[0].statistics] {
                 assert_eq!([usable.variance, usable.denied], [variance > 0.0, variance == 0.0]);
             }
-            let result = crate::denoise::denoise(&frame(variance), &Options::default()).unwrap();
+            let result = crate::denoise::denoise(frame(variance), &Options::default()).unwrap();
             let notes = result.summary.notes.join("\n");
             assert_eq!(notes.contains("variance is 0 at every pixel"), variance == 0.0, "{notes}");
             assert_eq!(notes.contains("variance of depth is 0 at every pixel"), variance == 0.0, "{notes}");
