@@ -11,6 +11,7 @@ pub use calibration::{Calibration, calibration};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::{Plane, Rgb};
 use crate::tone::{luminance, srgb};
+use rayon::prelude::*;
 
 /// Keeps relMSE finite in the dark: the customary value of the literature.
 pub const REL_MSE_EPSILON: f64 = 0.01;
@@ -48,10 +49,11 @@ pub struct Scores {
 /// # Errors
 /// When the sizes differ or a pixel of either is NaN or infinite.
 pub fn scores(result: &Rgb, reference: &Rgb) -> Result<Scores> {
+    let relative = per_pixel(result, reference, relative_squared)?;
     Ok(Scores {
         rmse: rmse(result, reference)?.value,
-        rel_mse: rel_mse(result, reference)?.value,
-        trimmed_rel_mse: trimmed_rel_mse(result, reference)?.value,
+        rel_mse: mean(&relative),
+        trimmed_rel_mse: trimmed(relative, reference).value,
         smape: smape(result, reference)?.value,
         ssim: ssim(result, reference)?.value,
         energy: energy(result, reference)?.value,
@@ -83,7 +85,11 @@ pub fn rel_mse(result: &Rgb, reference: &Rgb) -> Result<Measure> {
 /// # Errors
 /// When the sizes differ or a pixel of either is NaN or infinite.
 pub fn trimmed_rel_mse(result: &Rgb, reference: &Rgb) -> Result<Measure> {
-    let mut errors = per_pixel(result, reference, relative_squared)?;
+    Ok(trimmed(per_pixel(result, reference, relative_squared)?, reference))
+}
+
+/// The mean and the plane of relMSE's `errors` without the worst.
+fn trimmed(mut errors: Vec<f64>, reference: &Rgb) -> Measure {
     let trimmed = (errors.len() as f64 * TRIMMED_SHARE) as usize;
     let mut worst_first: Vec<usize> = (0..errors.len()).collect();
     worst_first.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]).then(a.cmp(&b)));
@@ -91,7 +97,7 @@ pub fn trimmed_rel_mse(result: &Rgb, reference: &Rgb) -> Result<Measure> {
         errors[i] = 0.0;
     }
     let value = errors.iter().sum::<f64>() / (errors.len() - trimmed) as f64;
-    Ok(Measure { value, plane: to_plane(reference, errors) })
+    Measure { value, plane: to_plane(reference, errors) }
 }
 
 /// Symmetric mean absolute percentage error, as a fraction: mean of |x − r| / (|x| + |r|) over
@@ -220,28 +226,24 @@ fn tone_mapped_luminance(color: &Rgb) -> Vec<f64> {
 /// `plane` under a Gaussian window of σ = 1.5 and radius 5, renormalised at the border.
 fn gaussian(plane: &[f64], width: usize, height: usize) -> Vec<f64> {
     const RADIUS: usize = 5;
-    let weight = |d: usize| (-((d * d) as f64) / (2.0 * 1.5 * 1.5)).exp();
+    let weights: [f64; RADIUS + 1] = std::array::from_fn(|d| (-((d * d) as f64) / (2.0 * 1.5 * 1.5)).exp());
     let blur = |count: usize, at: usize, value: &dyn Fn(usize) -> f64| {
         let window = at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(count);
         let (sum, total) = window.fold((0.0, 0.0), |(sum, total), i| {
-            let w = weight(i.abs_diff(at));
+            let w = weights[i.abs_diff(at)];
             (sum + w * value(i), total + w)
         });
         sum / total
     };
-    let index = |i: usize| (i % width, i / width);
-    let rows: Vec<f64> = (0..plane.len())
-        .map(|i| {
-            let (x, y) = index(i);
-            blur(width, x, &|x| plane[y * width + x])
-        })
-        .collect();
-    (0..plane.len())
-        .map(|i| {
-            let (x, y) = index(i);
-            blur(height, y, &|y| rows[y * width + x])
-        })
-        .collect()
+    let by_rows = |pixel: &(dyn Fn(usize, usize) -> f64 + Sync)| {
+        let mut out = vec![0.0; plane.len()];
+        out.par_chunks_exact_mut(width.max(1)).enumerate().for_each(|(y, row)| {
+            row.iter_mut().enumerate().for_each(|(x, value)| *value = pixel(x, y));
+        });
+        out
+    };
+    let rows = by_rows(&|x, y| blur(width, x, &|x| plane[y * width + x]));
+    by_rows(&|x, y| blur(height, y, &|y| rows[y * width + x]))
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ described! {
         /// relMSE ×0.975 on thirteen scenes and ×0.99 on five others; 0 ×1.09 and ×1.00.
         #[range(0..=15)]
         pub variance_radius: usize,
-        /// Fits are averaged by K·(ξ + floor)^−power from the second stage on; 0 is the published K alone.
+        /// Fits are averaged by K·(floor/(ξ + floor))^power from the second stage on; 0 is the published K alone.
         /// `[choice]` in `denoise/reconstruct.rs`.
         #[range(0.0..=4.0)]
         pub risk_power: f32,

@@ -38,7 +38,8 @@ pub const RADIUS: usize = 2;
 pub fn estimate(result: &mut Reconstruction, dark_level: f32) {
     let Some(change) = result.change.take() else { return };
     let mut light = mean_of_channels(&result.color());
-    light.change(|light| light.hypot(dark_level));
+    // Not by `hypot`, whose last bit is the machine's.
+    light.change(|light| (f64::from(light).powi(2) + f64::from(dark_level).powi(2)).sqrt() as f32);
     let relative = |mut plane: Plane| {
         plane.combine(&light, |squares, light| (squares / (light * light)).min(LARGEST));
         plane

@@ -17,7 +17,9 @@
 //! Windows and gains live on a lattice of nodes [`SPACING`] pixels apart. A pixel belongs to the four nodes
 //! around it by bilinear shares, so gains have no edges, and Σ gain·y over the picture without its outliers is
 //! what was taken out, to rounding. That picture stands for ŷ in the shares, since it is known before the
-//! fits: so a part of a picture can be denoised by what was seen of the whole before.
+//! fits: so a part of a picture can be denoised by what was seen of the whole before. Negative samples count as they
+//! are, in both: Σ ŷ is about Σ y, where Σ max(0, y) is the noise's about black. A window whose samples cancel to
+//! less than [`LEAST_LIGHT`] of their magnitudes has no light that gains could multiply.
 
 use super::facts::Facts;
 use super::observer::Log;
@@ -29,10 +31,13 @@ use crate::image::{Plane, Rect, Rgb};
 use crate::options::Options;
 use rayon::prelude::*;
 use std::borrow::Cow;
-use std::sync::OnceLock;
 
 /// Pixels from one node to the next.
 const SPACING: usize = 32;
+
+/// The share of Σ |y| that Σ y is at least where there is light: of noise about black it is 0.04 by chance, over a
+/// node's pixels.
+const LEAST_LIGHT: f64 = 0.1;
 
 /// The outliers of a picture, and its other light, by nodes; of the rows that were added so far.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -41,28 +46,43 @@ pub struct Energy {
     columns: usize,
     nodes: Vec<Node>,
     pixels: usize,
-    memo: Memo,
-}
-
-/// What was worked out of the rest, and the witnesses that were asked for. It tells nothing of its own.
-#[derive(Debug, Clone, Default)]
-struct Memo(OnceLock<(f32, Gains)>);
-
-impl PartialEq for Memo {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
 }
 
 /// What belongs to a node.
 #[derive(Debug, Clone, PartialEq, Default)]
 struct Node {
     /// Of the colour's channels, without outliers.
-    light: [f64; 3],
+    light: [Light; 3],
     /// Σ e and Σ e² over the outliers, e the mean over the colour's channels.
     witnesses: [f64; 2],
     /// What was taken out of each target.
     taken: Vec<f64>,
+}
+
+/// The light of a channel.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Light {
+    /// Σ y.
+    sum: f64,
+    /// Σ |y|.
+    magnitude: f64,
+}
+
+impl Light {
+    fn of(value: f32) -> Self {
+        let sum = f64::from(value);
+        Self { sum, magnitude: sum.abs() }
+    }
+
+    fn add(&mut self, share: f64, other: Self) {
+        self.sum += share * other.sum;
+        self.magnitude += share * other.magnitude;
+    }
+
+    /// Whether it is more than noise about black.
+    fn is_seen(self) -> bool {
+        self.sum > LEAST_LIGHT * self.magnitude
+    }
 }
 
 /// What a window must hold.
@@ -79,7 +99,7 @@ struct Gift<'a> {
     taken: &'a [f64],
     window: Rect,
     /// Of the colour's channels, in the window.
-    light: [f64; 3],
+    light: [Light; 3],
 }
 
 /// What multiplies and is added to every target to give it back its energy.
@@ -116,13 +136,13 @@ fn around(x: usize, y: usize, columns: usize) -> [(usize, f64); 4] {
 ///
 /// # Errors
 /// When the facts of a part do not hold the whole picture's outliers.
-pub fn gains(
-    facts: &Facts,
+pub fn gains<'a>(
+    facts: &'a Facts,
     ready: &Prepared<'_>,
     part: &Part,
     options: &Options,
     log: &mut Log<'_>,
-) -> Result<Option<Gains>> {
+) -> Result<Option<Cow<'a, Gains>>> {
     let (count, energy) = ready.removed.count(part.within());
     log.summary.outliers = count;
     log.summary.energy_moved = energy.map(|energy| energy / f64::from(facts.exposure()));
@@ -130,21 +150,20 @@ pub fn gains(
         return Ok(None);
     }
     let (width, height) = part.picture;
-    let energy = match &facts.energy {
-        Some(energy) if energy.pixels == width * height => Cow::Borrowed(energy),
-        None if part.is_whole() => {
+    let gains = match (&facts.gains, facts.energy.pixels) {
+        (Some(gains), _) => Cow::Borrowed(gains),
+        (None, 0) if part.is_whole() => {
             let mut energy = Energy::default();
             energy.add(ready.signal.color(), &ready.removed, part.within(), part.wanted.y);
-            Cow::Owned(energy)
+            Cow::Owned(energy.gains(options.outliers.witnesses))
         }
-        known => {
-            let (known, pixels) = (known.as_ref().map_or(0, |energy| energy.pixels), width * height);
+        (None, known) => {
+            let pixels = width * height;
             let what = format!("the outliers of {known} pixels are known where the picture has {pixels}");
             let error = Error::new(ErrorKind::Usage, what);
             return Err(error.remedy("give every row to Facts::add_outliers first, once"));
         }
     };
-    let gains = energy.gains(options.outliers.witnesses);
     if gains.share < 1.0 {
         let given = format!("{:.0} % of their energy is given back", 100.0 * gains.share);
         log.note(format!("outliers: too few to tell how much light is missing; {given}"));
@@ -157,7 +176,6 @@ impl Energy {
     /// picture's row `y`: the colour without its outliers, and what was `removed`.
     pub fn add(&mut self, color: [&Plane; 3], removed: &Removed, rows: Rect, y: usize) {
         let Removed { outliers, taken } = removed;
-        self.memo = Memo::default();
         self.columns = rows.width.div_ceil(SPACING) + 1;
         let last = y + rows.height;
         self.nodes.resize((last.div_ceil(SPACING) + 1) * self.columns, Node::default());
@@ -180,46 +198,37 @@ impl Energy {
     /// Adds row `from` of the colour, the picture's row `y`. By itself, so that the sums do not depend on how
     /// many rows are added at once.
     fn add_light(&mut self, color: [&Plane; 3], from: usize, y: usize) {
-        let mut row = vec![[0.0; 3]; self.columns];
+        let mut row = vec![[Light::default(); 3]; self.columns];
         for (c, plane) in color.iter().enumerate() {
-            for (x, light) in plane.row(from).iter().map(|v| f64::from(v.max(0.0))).enumerate() {
+            for (x, light) in plane.row(from).iter().copied().map(Light::of).enumerate() {
                 let (i, u) = between(x);
-                row[i][c] += (1.0 - u) * light;
-                row[i + 1][c] += u * light;
+                row[i][c].add(1.0 - u, light);
+                row[i + 1][c].add(u, light);
             }
         }
         let (j, v) = between(y);
         for (j, share) in [(j, 1.0 - v), (j + 1, v)] {
             for (node, row) in self.nodes[j * self.columns..].iter_mut().zip(&row) {
-                node.light.iter_mut().zip(row).for_each(|(sum, light)| *sum += share * light);
+                node.light.iter_mut().zip(row).for_each(|(sum, light)| sum.add(share, *light));
             }
         }
     }
 
-    /// The gains of every target where windows hold `witnesses`; worked out once for all parts of a picture.
+    /// How many pixels were added.
+    pub fn pixels(&self) -> usize {
+        self.pixels
+    }
+
+    /// The gains of every target where windows hold `witnesses`.
     pub fn gains(&self, witnesses: f32) -> Gains {
-        let Memo(memo) = &self.memo;
-        match memo.get() {
-            Some((known, gains)) if *known == witnesses => gains.clone(),
-            _ => {
-                // Not under a lock: what is worked out on all threads may take up another part meanwhile.
-                let gains = self.work_out(witnesses);
-                let _ = memo.set((witnesses, gains.clone()));
-                gains
-            }
-        }
-    }
-
-    fn work_out(&self, witnesses: f32) -> Gains {
         let sources = || (0..self.nodes.len()).filter(|&node| !self.nodes[node].taken.is_empty());
         let targets = sources().next().map_or(0, |node| self.nodes[node].taken.len());
         let whole = Rect::whole((self.columns, self.nodes.len() / self.columns.max(1)));
-        let asked =
-            Asked { witnesses: witnesses.into(), light: self.sum(whole, |node| node.light).map(|l| l > 0.0) };
+        let asked = Asked { witnesses: witnesses.into(), light: self.light(whole).map(Light::is_seen) };
         let local = self.holds(whole, &asked);
         let mut share = 1.0;
         if !local && targets > 0 {
-            let [sum, squares] = self.sum(whole, |node| node.witnesses);
+            let [sum, squares] = self.witnesses(whole);
             share = (1.0 - squares / (sum * sum)).clamp(0.0, 1.0);
         }
         let nodes: Vec<usize> = sources().collect();
@@ -236,10 +245,8 @@ impl Energy {
             }
         }
         gifts.push((&rest, whole));
-        let gifts = gifts.into_par_iter().map(|(taken, window)| {
-            let light = self.sum(window, |node| node.light);
-            Gift { taken, window, light }
-        });
+        let gifts = gifts.into_par_iter();
+        let gifts = gifts.map(|(taken, window)| Gift { taken, window, light: self.light(window) });
         let gifts: Vec<Gift> = gifts.collect();
         let (gains, even) = (0..targets).into_par_iter().map(|t| self.give(&gifts, t)).unzip();
         Gains { columns: self.columns, gains, even, share }
@@ -255,17 +262,25 @@ impl Energy {
 
     /// Whether a window holds what is asked of it.
     fn holds(&self, window: Rect, asked: &Asked) -> bool {
-        let [sum, squares] = self.sum(window, |node| node.witnesses);
-        let mut light = self.sum(window, |node| node.light).into_iter().zip(asked.light);
-        sum * sum >= asked.witnesses * squares && light.all(|(light, asked)| light > 0.0 || !asked)
+        let [sum, squares] = self.witnesses(window);
+        let mut light = self.light(window).into_iter().zip(asked.light);
+        sum * sum >= asked.witnesses * squares && light.all(|(light, asked)| light.is_seen() || !asked)
     }
 
-    fn sum<const N: usize>(&self, window: Rect, of: impl Fn(&Node) -> [f64; N]) -> [f64; N] {
-        window.pixels().fold([0.0; N], |mut sum, (i, j)| {
-            let values = of(&self.nodes[j * self.columns + i]);
-            sum.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
-            sum
-        })
+    fn nodes(&self, window: Rect) -> impl Iterator<Item = &Node> {
+        window.pixels().map(|(i, j)| &self.nodes[j * self.columns + i])
+    }
+
+    fn witnesses(&self, window: Rect) -> [f64; 2] {
+        self.nodes(window).fold([0.0; 2], |sum, node| std::array::from_fn(|i| sum[i] + node.witnesses[i]))
+    }
+
+    fn light(&self, window: Rect) -> [Light; 3] {
+        let mut light = [Light::default(); 3];
+        for node in self.nodes(window) {
+            light.iter_mut().zip(node.light).for_each(|(sum, light)| sum.add(1.0, light));
+        }
+        light
     }
 
     /// What gives target `t` back all `gifts`: at the nodes, and for every pixel.
@@ -273,9 +288,9 @@ impl Energy {
         let (mut gains, mut even) = (vec![0.0; self.nodes.len()], 0.0);
         for Gift { taken, window, light } in gifts {
             let (taken, light) = (taken[t], light[t % 3]);
-            if light > 0.0 {
+            if light.is_seen() {
                 for (i, j) in window.pixels() {
-                    gains[j * self.columns + i] += taken / light;
+                    gains[j * self.columns + i] += taken / light.sum;
                 }
             } else {
                 even += taken / self.pixels as f64;
@@ -303,7 +318,7 @@ impl Gains {
             for (x, (value, light)) in row.iter_mut().zip(beauty.row(y)).enumerate() {
                 let nodes = around(origin.0 + x, origin.1 + y, self.columns);
                 let gain: f64 = nodes.iter().map(|(node, share)| gains[*node] * share).sum();
-                let more = gain * f64::from(light.max(0.0)) + even;
+                let more = gain * f64::from(*light) + even;
                 *value = (f64::from(*value) + more).clamp(f32::MIN.into(), f32::MAX.into()) as f32;
             }
         });
@@ -405,26 +420,6 @@ mod tests {
     }
 
     #[test]
-    fn gains_that_were_worked_out_are_of_these_rows_and_witnesses_alone() {
-        let plane = Plane::from_fn(70, 50, |x, y| 0.3 + ((x * 7 + y * 13) % 11) as f32);
-        let outliers: Vec<Outlier> =
-            (0..20).map(|k| Outlier { x: 3 * k, y: 2 * k + 5, from: (0, 0) }).collect();
-        let taken: Vec<f32> = (0..20).map(|k| 1.0 + k as f32).collect();
-        let twice = |between: &dyn Fn(&Energy)| {
-            let mut twice = energy(&plane, &outliers, &taken);
-            between(&twice);
-            let removed = Removed { outliers: outliers.clone(), taken: vec![taken.clone(); 3] };
-            twice.add([&plane; 3], &removed, Rect::whole(plane.size()), 50);
-            twice
-        };
-        let (fresh, asked) = (|| twice(&|_| ()), twice(&|once| drop(once.gains(4.0))));
-        for witnesses in [4.0, 8.0, 4.0, 64.0] {
-            assert_eq!(asked.gains(witnesses), fresh().gains(witnesses), "{witnesses}");
-        }
-        assert_ne!(asked.gains(4.0), asked.gains(64.0));
-    }
-
-    #[test]
     fn a_lone_firefly_brightens_nothing_a_few_all_alike_and_many_their_surroundings() {
         let flat = Plane::filled(400, 300, 1.0);
         let at = |x: usize, y: usize| Outlier { x, y, from: (0, 0) };
@@ -446,6 +441,25 @@ mod tests {
             let mut near = flat.clone();
             energy.gains(64.0).give_plane_back(&mut near, &flat, 0, (0, 0));
             assert!(near.get(20, 20) > 1.01 && near.get(300, 200) == 1.0, "{}", near.get(20, 20));
+        }
+    }
+
+    #[test]
+    fn what_noise_below_black_had_is_given_back_to_what_it_is_the_noise_of() {
+        let size @ (width, height) = (64, 48);
+        // Its sum is 0, and so its mean over any row.
+        let noise = |x: usize, y: usize| if (x + y).is_multiple_of(2) { 0.2 } else { -0.2 };
+        let outliers: Vec<Outlier> =
+            (0..60).map(|k| Outlier { x: k, y: 7 * k % height, from: (0, 0) }).collect();
+        for light in [0.0, 0.01, 0.05, 1.0] {
+            let noisy = Plane::from_fn(width, height, |x, y| light + noise(x, y));
+            // A denoised picture, which is not quite without noise.
+            let denoised = Plane::from_fn(width, height, |x, y| light + 0.1 * noise(x, y));
+            let mut result = denoised.clone();
+            let gains = energy(&noisy, &outliers, &[60.0; 60]).gains(48.0);
+            gains.give_plane_back(&mut result, &denoised, 0, (0, 0));
+            let given = sum(&result) - sum(&denoised);
+            assert!((given / 3600.0 - 1.0).abs() < 1e-3, "{given} where the light is {light}, {size:?}");
         }
     }
 

@@ -5,7 +5,7 @@
 //! Only good values are asked: what the first stage repairs is a mean of those, or black. What depends on the
 //! answers, the energy of the outliers, is had by going through the rows a second time.
 
-use super::energy::Energy;
+use super::energy::{Energy, Gains};
 use super::exposure::Light;
 use super::observer::Log;
 use super::part::Part;
@@ -31,12 +31,13 @@ pub struct Facts {
     rows: usize,
     light: Light,
     color: [Range; 3],
-    variance: Option<[Noise; 3]>,
-    halves: Option<[Noise; 3]>,
+    statistics: Statistics,
     /// For each AOV and channel whether it is a number anywhere.
     aovs: Vec<[bool; 3]>,
     features: Vec<FeatureFacts>,
-    pub(super) energy: Option<Energy>,
+    pub(super) energy: Energy,
+    /// What gives it back, worked out once all its rows were added.
+    pub(super) gains: Option<Gains>,
 }
 
 /// What all portions of a picture's rows have in common.
@@ -65,6 +66,12 @@ impl Kinds {
 #[derive(Debug, Clone, PartialEq)]
 struct FeatureFacts {
     planes: Vec<Range>,
+    statistics: Statistics,
+}
+
+/// What the statistics of some planes say of the noise, where there are any.
+#[derive(Debug, Clone, PartialEq, Default)]
+struct Statistics {
     variance: Option<Vec<Noise>>,
     halves: Option<Vec<Noise>>,
 }
@@ -74,10 +81,8 @@ struct FeatureFacts {
 pub(crate) struct Known {
     /// For each channel.
     pub color: [bool; 3],
-    /// Every channel whose colour is known has a usable variance at some pixel.
-    pub variance: bool,
-    /// The same of the halves.
-    pub halves: bool,
+    /// Of the colour.
+    pub statistics: Usable,
     /// For each AOV and channel.
     pub aovs: Vec<[bool; 3]>,
     /// For each feature.
@@ -89,10 +94,19 @@ pub(crate) struct Known {
 pub(crate) struct KnownFeature {
     /// For each plane.
     pub planes: Vec<bool>,
-    /// Every plane that is known has a usable variance at some pixel.
+    /// Of these planes.
+    pub statistics: Usable,
+}
+
+/// Which statistics of some planes can be used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Usable {
+    /// Every plane that is known has a good variance at some pixel, and the halves do not deny it.
     pub variance: bool,
-    /// The same of the halves.
+    /// Every plane that is known has good halves at some pixel.
     pub halves: bool,
+    /// The variance is 0 wherever it is a number though the halves differ: a layer that was never filled.
+    pub denied: bool,
 }
 
 /// Whether a plane has two different values, and how far they spread.
@@ -148,13 +162,31 @@ impl Noise {
     }
 }
 
-/// Whether a statistic is known of every plane that is itself `known`.
-fn all_known(statistic: Option<&[Noise]>, known: &[bool]) -> bool {
-    statistic.is_some_and(|noise| noise.iter().zip(known).all(|(noise, known)| noise.known || !known))
+impl Statistics {
+    /// Those of planes that are `known` which can be used.
+    fn usable(&self, known: &[bool]) -> Usable {
+        let all_known = |statistic: &Option<Vec<Noise>>| {
+            let mut noise = statistic.iter().flatten().zip(known);
+            statistic.is_some() && noise.all(|(noise, known)| noise.known || !known)
+        };
+        let [variance, halves] = [&self.variance, &self.halves].map(all_known);
+        let denied =
+            variance && halves && !any_noisy(&self.variance, known) && any_noisy(&self.halves, known);
+        Usable { variance: variance && !denied, halves, denied }
+    }
+
+    /// Whether planes that are `known` are noisy; none where nothing tells.
+    fn noisy(&self, known: &[bool]) -> Option<bool> {
+        match self.usable(known) {
+            Usable { variance: true, .. } => Some(any_noisy(&self.variance, known)),
+            Usable { halves: true, .. } => Some(any_noisy(&self.halves, known)),
+            _ => None,
+        }
+    }
 }
 
-fn any_noisy(statistic: Option<&[Noise]>, known: &[bool]) -> bool {
-    statistic.into_iter().flatten().zip(known).any(|(noise, known)| noise.noisy && *known)
+fn any_noisy(statistic: &Option<Vec<Noise>>, known: &[bool]) -> bool {
+    statistic.iter().flatten().zip(known).any(|(noise, known)| noise.noisy && *known)
 }
 
 impl Facts {
@@ -175,7 +207,7 @@ impl Facts {
         if self.features.is_empty() {
             self.features.extend(rows.features().iter().map(FeatureFacts::new));
         }
-        let Self { light, color, variance, halves, aovs, features, .. } = self;
+        let Self { light, color, statistics: Statistics { variance, halves }, aovs, features, .. } = self;
         // Every sum is of one task, which adds in order: so the bits are those of a loop.
         rayon::scope(|tasks| {
             tasks.spawn(move |_| add_light(light, rows));
@@ -185,11 +217,11 @@ impl Facts {
                 });
             }
             if let Some(planes) = rows.color_var_of_mean() {
-                let noise = variance.get_or_insert_default();
+                let noise = variance.get_or_insert_with(|| vec![Noise::default(); 3]);
                 tasks.spawn(move |_| add_variance(noise, planes, good_variance));
             }
             if let Some(planes) = rows.halves() {
-                let noise = halves.get_or_insert_default();
+                let noise = halves.get_or_insert_with(|| vec![Noise::default(); 3]);
                 let planes = planes.each_ref().map(|half| &half[..]);
                 tasks.spawn(move |_| add_halves(noise, planes, good_radiance, |v| v));
             }
@@ -224,8 +256,9 @@ impl Facts {
         self.check(&frame, part)?;
         let (known, log) = (self.known(), &mut Log::silent());
         let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log);
-        let energy = self.energy.get_or_insert_default();
-        energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        self.energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
+        let all = self.energy.pixels() == part.picture.0 * part.picture.1;
+        self.gains = all.then(|| self.energy.gains(options.outliers.witnesses));
         Ok(())
     }
 
@@ -257,8 +290,7 @@ impl Facts {
         let color = self.color.each_ref().map(Range::is_known);
         Known {
             color,
-            variance: all_known(self.variance.as_ref().map(|v| &v[..]), &color),
-            halves: all_known(self.halves.as_ref().map(|v| &v[..]), &color),
+            statistics: self.statistics.usable(&color),
             aovs: self.aovs.clone(),
             features: self.features.iter().map(FeatureFacts::known).collect(),
         }
@@ -272,18 +304,16 @@ impl Facts {
     /// Whether there is anything to take out: some variance above 0, halves that differ, or, where neither
     /// is known, a colour that is not the same everywhere.
     pub fn has_noise(&self) -> bool {
-        let known = self.known();
-        match (known.variance, known.halves) {
-            (true, _) => any_noisy(self.variance.as_ref().map(|v| &v[..]), &known.color),
-            (false, true) => any_noisy(self.halves.as_ref().map(|v| &v[..]), &known.color),
-            (false, false) => self.color.iter().any(|range| range.varies),
-        }
+        self.noisy().unwrap_or_else(|| self.color.iter().any(|range| range.varies))
     }
 
     /// Whether neither a variance nor halves tell the noise, so that it is estimated from the picture.
     pub fn noise_is_estimated(&self) -> bool {
-        let known = self.known();
-        !known.variance && !known.halves
+        self.noisy().is_none()
+    }
+
+    fn noisy(&self) -> Option<bool> {
+        self.statistics.noisy(&self.color.each_ref().map(Range::is_known))
     }
 
     /// Whether the variance or the halves of the frame's `feature`th feature show noise.
@@ -305,11 +335,9 @@ impl Facts {
 impl FeatureFacts {
     fn new(feature: &Feature) -> Self {
         let planes = feature.planes.len();
-        Self {
-            planes: vec![Range::default(); planes],
-            variance: feature.var_of_mean.as_ref().map(|_| vec![Noise::default(); planes]),
-            halves: feature.halves.as_ref().map(|_| vec![Noise::default(); planes]),
-        }
+        let noise = |there: bool| there.then(|| vec![Noise::default(); planes]);
+        let [variance, halves] = [feature.var_of_mean.is_some(), feature.halves.is_some()].map(noise);
+        Self { planes: vec![Range::default(); planes], statistics: Statistics { variance, halves } }
     }
 
     fn add(&mut self, feature: &Feature) {
@@ -317,30 +345,22 @@ impl FeatureFacts {
             let good = plane.data().iter().filter(|v| good_feature(feature.kind, **v));
             good.for_each(|v| range.add(limited_feature(*v)));
         }
-        if let (Some(noise), Some(variance)) = (&mut self.variance, &feature.var_of_mean) {
+        if let (Some(noise), Some(variance)) = (&mut self.statistics.variance, &feature.var_of_mean) {
             add_variance(noise, variance, good_feature_variance);
         }
-        if let (Some(noise), Some([a, b])) = (&mut self.halves, &feature.halves) {
+        if let (Some(noise), Some([a, b])) = (&mut self.statistics.halves, &feature.halves) {
             add_halves(noise, [a, b], |v| good_feature(feature.kind, v), limited_feature);
         }
     }
 
     fn known(&self) -> KnownFeature {
         let planes: Vec<bool> = self.planes.iter().map(Range::is_known).collect();
-        KnownFeature {
-            variance: all_known(self.variance.as_deref(), &planes),
-            halves: all_known(self.halves.as_deref(), &planes),
-            planes,
-        }
+        KnownFeature { statistics: self.statistics.usable(&planes), planes }
     }
 
     fn is_noisy(&self) -> bool {
-        let known = self.known();
-        match (known.variance, known.halves) {
-            (true, _) => any_noisy(self.variance.as_deref(), &known.planes),
-            (false, true) => any_noisy(self.halves.as_deref(), &known.planes),
-            (false, false) => false,
-        }
+        let planes: Vec<bool> = self.planes.iter().map(Range::is_known).collect();
+        self.statistics.noisy(&planes).unwrap_or(false)
     }
 }
 
@@ -425,11 +445,40 @@ mod tests {
         let flat = || Frame::new(rgb(|_, _| 1.0)).unwrap();
         assert!(!Facts::of(&flat()).has_noise());
         let unknown = flat().with_variance_of_mean(rgb(|_, _| f32::NAN)).unwrap();
-        assert!(!Facts::of(&unknown).known().variance);
+        assert!(!Facts::of(&unknown).known().statistics.variance);
         let half = |bad: f32| rgb(move |x, _| if x == 4 { bad } else { 1.0 });
         let halves = |bad: f32| flat().with_halves([half(bad), half(1.0)]).unwrap();
         assert!(!Facts::of(&halves(f32::INFINITY)).has_noise());
         assert!(Facts::of(&halves(2.0)).has_noise());
+    }
+
+    #[test]
+    fn a_variance_of_0_does_not_overrule_halves_that_differ() {
+        let [a, b] =
+            [0.2, -0.2].map(|by: f32| rgb(move |x, y| 1.0 + if (x + y) % 2 == 0 { by } else { -by }));
+        let depth = |planes: &Rgb| planes[..1].to_vec();
+        let feature = Feature::new("depth", FeatureKind::Depth, depth(&rgb(|_, _| 1.0)))
+            .with_halves([depth(&a), depth(&b)]);
+        let frame = |variance: f32| {
+            let feature = feature.clone().with_variance_of_mean(depth(&rgb(|_, _| variance)));
+            let frame = Frame::new(rgb(|_, _| 1.0)).and_then(|f| f.with_halves([a.clone(), b.clone()]));
+            frame
+                .and_then(|f| f.with_variance_of_mean(rgb(|_, _| variance)))
+                .and_then(|f| f.with_feature(feature))
+                .unwrap()
+        };
+        for variance in [0.0, 0.04] {
+            let facts = Facts::of(&frame(variance));
+            assert!(facts.has_noise() && facts.feature_is_noisy(0) && !facts.noise_is_estimated());
+            let known = facts.known();
+            for usable in [known.statistics, known.features[0].statistics] {
+                assert_eq!([usable.variance, usable.denied], [variance > 0.0, variance == 0.0]);
+            }
+            let result = crate::denoise::denoise(frame(variance), &Options::default()).unwrap();
+            let notes = result.summary.notes.join("\n");
+            assert_eq!(notes.contains("variance is 0 at every pixel"), variance == 0.0, "{notes}");
+            assert_eq!(notes.contains("variance of depth is 0 at every pixel"), variance == 0.0, "{notes}");
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@
 //! the mean.
 
 use super::exposure::{self, LARGEST_EXPOSED};
-use super::facts::{Known, KnownFeature};
+use super::facts::{Known, KnownFeature, Usable};
 use crate::frame::{Aov, Feature, FeatureKind, Frame, Motion, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use rayon::prelude::*;
@@ -129,7 +129,7 @@ pub fn good_feature_variance(value: f32) -> bool {
 /// Repairs `frame`, a picture or a part of it, and counts in `summary` what was repaired in `counted`. Radiance that
 /// `exposure` would bring beyond all measure is repaired too: one such pixel must not decide how all are seen. Planes
 /// that are a number nowhere in the whole picture, as it is `known`, are left out: of the colour and the AOVs
-/// such a channel is black, of the features such a plane is 0, statistics are done without.
+/// such a channel is black, of the features such a plane is 0, statistics that cannot be used are done without.
 pub(crate) fn apply<'a>(
     frame: Cow<'a, Frame>,
     known: &Known,
@@ -140,8 +140,8 @@ pub(crate) fn apply<'a>(
     let good = |value: f32| good_radiance(value) && (value * exposure).abs() <= LARGEST_EXPOSED;
     let left_out = left_out(&frame, known);
     let mut clean = Clean::of(frame);
-    clean.variance.take_if(|_| !known.variance);
-    clean.halves.take_if(|_| !known.halves);
+    clean.variance.take_if(|_| !known.statistics.variance);
+    clean.halves.take_if(|_| !known.statistics.halves);
     blacken(&mut clean.color, &known.color);
     let bad_color = bad_pixels(&clean.color, good);
     summary.repaired_color = repair(clean.color.iter_mut(), &bad_color, counted);
@@ -201,7 +201,7 @@ fn repair_feature<'a>(
     // Limited first: what is far to both sides has no mean.
     feature.planes.iter_mut().for_each(|plane| plane.change(limited_feature));
     let in_planes = repair(feature.planes.iter_mut(), &bad, counted);
-    feature.halves = feature.halves.take().filter(|_| known.halves);
+    feature.halves = feature.halves.take().filter(|_| known.statistics.halves);
     let mut in_halves = 0;
     for half in feature.halves.iter_mut().flatten() {
         blacken(half, &known.planes);
@@ -211,7 +211,7 @@ fn repair_feature<'a>(
             in_halves += repair([plane], &bad, counted);
         }
     }
-    feature.var_of_mean = feature.var_of_mean.take().filter(|_| known.variance);
+    feature.var_of_mean = feature.var_of_mean.take().filter(|_| known.statistics.variance);
     let mut in_variances = 0;
     if let Some(variance) = &mut feature.var_of_mean {
         blacken(variance, &known.planes);
@@ -231,8 +231,14 @@ fn is_fine(feature: &Feature, known: &KnownFeature) -> bool {
         |planes: &[Plane]| all(planes, |v| (0.0..=LARGEST_FEATURE * LARGEST_FEATURE).contains(&v));
     known.planes.iter().all(|known| *known)
         && values(&feature.planes)
-        && feature.halves.as_ref().is_none_or(|halves| known.halves && halves.iter().all(|half| values(half)))
-        && feature.var_of_mean.as_ref().is_none_or(|variance| known.variance && variances(variance))
+        && feature
+            .halves
+            .as_ref()
+            .is_none_or(|halves| known.statistics.halves && halves.iter().all(|half| values(half)))
+        && feature
+            .var_of_mean
+            .as_ref()
+            .is_none_or(|variance| known.statistics.variance && variances(variance))
 }
 
 /// Sets the planes to 0 that are not `known`.
@@ -242,7 +248,7 @@ fn blacken(planes: &mut [Plane], known: &[bool]) {
     }
 }
 
-/// What is left out of `frame` because it is a number at no pixel, in words.
+/// What is left out of `frame` because it says nothing, in words.
 fn left_out(frame: &Frame, known: &Known) -> Vec<String> {
     const WHY: &str = "is a number at no pixel";
     let mut notes = vec![];
@@ -253,17 +259,21 @@ fn left_out(frame: &Frame, known: &Known) -> Vec<String> {
             channels.map(|(channel, _)| format!("{name}.{channel} {WHY}: it is black in the result")),
         );
     }
-    let mut statistic = |what: String, given: bool, known: bool| {
-        if given && !known {
-            notes.push(format!("{what} {WHY} of some channel: it is left out"));
+    let mut statistics = |of: &str, [variance, halves]: [bool; 2], usable: Usable| {
+        if usable.denied {
+            let why = "is 0 at every pixel though the half buffers differ";
+            notes.push(format!("the variance{of} {why}: it is left out"));
+        } else if variance && !usable.variance {
+            notes.push(format!("the variance{of} {WHY} of some channel: it is left out"));
+        }
+        if halves && !usable.halves {
+            notes.push(format!("the half buffers{of} {WHY} of some channel: they are left out"));
         }
     };
-    statistic("variance".into(), frame.color_var_of_mean().is_some(), known.variance);
-    statistic("the half buffers".into(), frame.halves().is_some(), known.halves);
+    statistics("", [frame.color_var_of_mean().is_some(), frame.halves().is_some()], known.statistics);
     for (feature, known) in frame.features().iter().zip(&known.features) {
-        let name = &feature.name;
-        statistic(format!("the variance of {name}"), feature.var_of_mean.is_some(), known.variance);
-        statistic(format!("the half buffers of {name}"), feature.halves.is_some(), known.halves);
+        let given = [feature.var_of_mean.is_some(), feature.halves.is_some()];
+        statistics(&format!(" of {}", feature.name), given, known.statistics);
     }
     notes
 }

@@ -5,6 +5,7 @@
 //! other frame's own features explain to the fit.
 
 use super::variance::{around, smooth};
+use super::weights::exp_negative;
 use crate::frame::FeatureKind;
 use crate::image::{Plane, Rgb};
 use rayon::prelude::*;
@@ -67,7 +68,7 @@ impl Flow {
             *place = y as usize * width + x as usize;
             if let Some(back) = back {
                 let [bx, by] = read(back, *place);
-                *inside = (dx + bx).hypot(dy + by) <= LARGEST_GAP;
+                *inside = (dx + bx).powi(2) + (dy + by).powi(2) <= LARGEST_GAP.powi(2);
             }
         }
     }
@@ -141,7 +142,8 @@ pub fn steadiness(trust: &Plane, [here, there]: [[&Plane; 3]; 2], [noise, its_no
         let count = (pixels(x, width) * pixels(y, height)) as f32;
         let excess = difference.get(x, y).powi(2) * count - LIGHT_CHANCE * variance.get(x, y);
         let changed = excess > 0.0 && seen(x, y) > 0.0;
-        if changed { (-0.5 * excess / variance.get(x, y)).exp() } else { 1.0 } // 0 without any noise
+        // Nearly 0 without any noise.
+        if changed { exp_negative(0.5 * excess / variance.get(x, y)) } else { 1.0 }
     })
 }
 

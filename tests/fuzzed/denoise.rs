@@ -43,6 +43,18 @@ impl Bytes<'_> {
         f32::from_le_bytes(std::array::from_fn(|_| self.byte()))
     }
 
+    /// A number from `low` to `high`, the ends among them; now and then any.
+    fn within(&mut self, low: f32, high: f32) -> f32 {
+        let any = self.float();
+        match any.to_bits() % 8 {
+            0 => any,
+            _ if (low..=high).contains(&any) => any,
+            1 => low,
+            2 => high,
+            _ => low + (high - low) * ((any.to_bits() >> 3 & 255) as f32 / 255.0).powi(4),
+        }
+    }
+
     /// A plane in one of five ways: all one, any bits, special numbers, small steps, noise about a value.
     fn plane(&mut self, (width, height): (usize, usize)) -> Plane {
         match self.byte() % 5 {
@@ -116,30 +128,30 @@ impl Bytes<'_> {
         if changed & 4 != 0 {
             let kernel = Kernel {
                 patch_radius: self.below(4),
-                bandwidth: self.float(),
+                bandwidth: self.within(0.01, 1e6),
                 demodulate: self.byte() % 2 == 1,
-                feature_bandwidth: (self.byte() % 2 == 1).then(|| self.float()),
+                feature_bandwidth: (self.byte() % 2 == 1).then(|| self.within(0.01, 1e6)),
             };
             options.stages = vec![vec![kernel]; 1 + self.below(2)];
         }
         if changed & 8 != 0 {
-            options.outliers.deviations = self.float();
+            options.outliers.deviations = self.within(0.0, 1e6);
             options.outliers.radius = self.below(5);
-            options.prefilter.bandwidth = self.float();
+            options.prefilter.bandwidth = self.within(0.01, 1e6);
         }
         if changed & 16 != 0 {
-            options.min_coverage = self.float();
-            options.noise_weight = self.float();
-            options.risk_power = self.float();
-            options.tolerance = self.float();
+            options.min_coverage = self.within(0.0, 1e3);
+            options.noise_weight = self.within(0.0, 1e3);
+            options.risk_power = self.within(0.0, 4.0);
+            options.tolerance = self.within(0.0, 1.0);
         }
         if changed & 32 != 0 {
-            options.dark_level = self.float();
-            options.albedo_floor = self.float();
+            options.dark_level = self.within(1e-3, 1e3);
+            options.albedo_floor = self.within(1e-3, 1e3);
             options.variance_radius = self.below(17);
         }
         if changed & 64 != 0 {
-            options.outliers.share = self.float();
+            options.outliers.share = self.within(0.0, 1.0);
         }
         options
     }
