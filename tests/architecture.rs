@@ -29,7 +29,7 @@ const DOORS: [(&str, &[&str]); 8] = [
     ("exr", &["io"]),
     ("half", &["io"]),
     ("nalgebra", &["trace"]),
-    ("rayon", &["baseline", "denoise", "image", "io", "trace"]),
+    ("rayon", &["baseline", "denoise", "image", "io", "metrics", "trace"]),
     ("clap", &[]),
     ("indicatif", &[]),
     ("image", &["report", "trace"]),

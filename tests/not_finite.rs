@@ -177,7 +177,7 @@ fn is_a_miss(layer: &str, value: f32) -> bool {
     value.is_infinite() && ["depth", "position"].contains(&layer)
 }
 
-/// Error without any damage: 0.0129, an eighth of the noise.
+/// Error without any damage: 0.0087, a twelfth of the noise; with a block of 42 pixels guessed, where an edge runs, 0.0113.
 #[test]
 fn single_pixels_and_blocks_are_repaired_and_counted_and_the_rest_stays_as_right() {
     let folder = tempfile::tempdir().unwrap();
@@ -204,7 +204,7 @@ fn single_pixels_and_blocks_are_repaired_and_counted_and_the_rest_stays_as_right
                 let inside = error(&out, &colors, damaged);
                 assert!(inside < NOISE, "{case}: {inside} inside");
                 let everywhere = error(&out, &colors, &all);
-                assert!(everywhere < 1.25 * unharmed, "{case}: {everywhere} where {unharmed} is without");
+                assert!(everywhere < 1.4 * unharmed, "{case}: {everywhere} where {unharmed} is without");
                 let changed = rms(&colors, &far, |c, i| out.color[c][i] - clean.color[c][i]);
                 assert!(changed < 0.2 * unharmed, "{case}: {changed} far from it");
             }

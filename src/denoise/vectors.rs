@@ -57,13 +57,13 @@ mod tests {
         f64::sqrt(sum / n)
     }
 
-    /// What stands at its threshold may tip: a column that is dropped, or whether a pixel is covered. Something does
-    /// on the specular teapot: 1.9e-3 of the picture and 8.3e-2 of its error. The others differ by 3.5e-4 and 5.5e-3 at
-    /// most.
+    /// What stands at its threshold may tip: a column that is dropped, the order of two, or whether a pixel is covered.
+    /// Something does in fog: 3.5e-3 of the picture and 1.3e-2 of its error. The others differ by 3.2e-4 and 1.1e-2 at most.
     #[test]
     fn a_picture_without_vectors_is_the_same_to_a_twentieth_of_its_error_but_for_what_tips() {
-        let tips = ("teapot_specular", [1e-2, 1e-1]);
-        let others = ["foliage", "frosted_glass", "fog_shaft", "lens_table"].map(|name| (name, [1e-3, 5e-2]));
+        let tips = ("fog_shaft", [1e-2, 5e-2]);
+        let others =
+            ["foliage", "frosted_glass", "teapot_specular", "lens_table"].map(|name| (name, [1e-3, 5e-2]));
         for (name, [picture_bound, error_bound]) in [tips].into_iter().chain(others) {
             let picture = picture(name);
             let widest = denoised(picture.frame(), Method::Apr, Arch::new());
