@@ -47,7 +47,7 @@ fn a_run_answers_with_progress_and_writes_a_report() {
         said.lines().filter_map(|line| line.strip_prefix("progress ")).map(|n| n.parse().unwrap()).collect();
     assert!(percent.is_sorted() && percent.last() == Some(&100), "{said}");
     assert!(percent.len() <= 1 + begun.elapsed().as_secs() as usize, "one a second at most: {said}");
-    assert!(said.lines().last().unwrap().contains("estimated relative error"), "{said}");
+    assert!(said.lines().last().unwrap().contains("estimated relMSE"), "{said}");
 
     let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     assert_eq!(report["layout"]["roles"][1]["statistic"], "variance of the mean");

@@ -121,7 +121,7 @@ impl<'a> Report<'a> {
         let told = |error: Option<f64>| error.map_or("unknown".to_owned(), |error| format!("{error:.2e}"));
         let (before, after) = (told(error.relative_before), told(error.relative_after));
         let sums: String = self.sums.iter().map(|sum| sum_line(sum) + "\n").collect();
-        format!("{sums}{}: {seconds:.2} s, estimated relative error {before} -> {after}", self.output)
+        format!("{sums}{}: {seconds:.2} s, estimated relMSE {before} -> {after}", self.output)
     }
 }
 

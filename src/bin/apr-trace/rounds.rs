@@ -46,8 +46,7 @@ pub fn run(renderer: &mut Renderer, options: &AdaptiveOptions, quiet: bool) -> R
                 if !quiet {
                     let samples = round.samples;
                     // Nobody has to listen while the picture is not done.
-                    let _ =
-                        print(&format!("after {samples} samples more: estimated relative error {error:.2e}"));
+                    let _ = print(&format!("after {samples} samples more: estimated relMSE {error:.2e}"));
                 }
             }
             (Step::Traced(samples), _) => {
