@@ -18,8 +18,9 @@
 //! | | 64 | 2.89, ×4.1 | 1.21, ×1.8 |
 //! | | 256 | 1.60, ×3.4 | 1.03, ×1.7 |
 //!
-//! Least where both stages are wrong alike: ×0.3 to ×0.4 on noisy textures; most among many lamps and out of focus at 16
-//! spp, ×6 and ×4. (The column before was measured with an earlier version.) Of squared errors as they are, which a few highlights are the most of, it is half.
+//! The column before is of an earlier version. Least where both stages are wrong alike: ×0.3 to ×0.4 on noisy textures;
+//! most among many lamps and out of focus at 16 spp, ×6 and ×4. Of squared errors as they are, which a few highlights are
+//! the most of, it is half.
 
 use super::reconstruct::Reconstruction;
 use super::variance::around;
