@@ -353,14 +353,17 @@ impl FeatureFacts {
         }
     }
 
+    fn known_planes(&self) -> Vec<bool> {
+        self.planes.iter().map(Range::is_known).collect()
+    }
+
     fn known(&self) -> KnownFeature {
-        let planes: Vec<bool> = self.planes.iter().map(Range::is_known).collect();
+        let planes = self.known_planes();
         KnownFeature { statistics: self.statistics.usable(&planes), planes }
     }
 
     fn is_noisy(&self) -> bool {
-        let planes: Vec<bool> = self.planes.iter().map(Range::is_known).collect();
-        self.statistics.noisy(&planes).unwrap_or(false)
+        self.statistics.noisy(&self.known_planes()).unwrap_or(false)
     }
 }
 

@@ -1,8 +1,9 @@
 //! One factorisation gives every order (nested Cholesky).
 //!
 //! The columns are taken in an order that tells what they are worth: by default the design's, in which the models nest:
-//! [1 | features | x, y | x², xy, y² | cubic]. With A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of size p_k holds all there is to
-//! know of the model with p_k columns: its coefficients, its residual Σ w y² − Σ z², its noise gain Σ d.
+//! [1 | features | x, y | x², xy, y² | cubic]. With A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of
+//! size p_k holds all there is to know of the model with p_k columns: its coefficients, its residual Σ w y² − Σ z², its
+//! noise gain Σ d.
 //! In the basis of z the columns are orthonormal, so that leaving a model's last columns out, or
 //! shrinking them, is a multiplication of z.
 //!
@@ -151,9 +152,9 @@ impl Factor {
             let (system, noise) = (self.system.row_mut(i), self.noise.row_mut(i));
             // From the diagonal on; from there to the block's beginning nothing is ever looked at.
             for ((j, &column), scale) in self.order.iter().enumerate().zip(&self.scale).skip(i) {
-                let (scale, above, below) = (own * scale, row.min(column), row.max(column));
-                system[j] = f64::from(gram.a[above * width + below]) * scale;
-                noise[j] = f64::from(gram.b[above * p + below]) * scale;
+                let scale = own * scale;
+                system[j] = f64::from(gram.a[Gram::place(row, column, width)]) * scale;
+                noise[j] = f64::from(gram.b[Gram::place(row, column, p)]) * scale;
             }
             let (columns, padding) = system[p..].split_at_mut(r);
             let sides = &gram.a[row * width + p..(row + 1) * width];

@@ -55,6 +55,11 @@ pub struct Gram {
 }
 
 impl Gram {
+    /// Where the sum of the columns `i` and `j` stands, in rows of `width`.
+    pub fn place(i: usize, j: usize, width: usize) -> usize {
+        i.min(j) * width + i.max(j)
+    }
+
     /// 1/√A_ii of column `i`, 0 where it is empty, in rows of `width`.
     pub fn equilibration(&self, i: usize, width: usize) -> f64 {
         let energy = f64::from(self.a[i * width + i]);

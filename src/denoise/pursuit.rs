@@ -78,7 +78,7 @@ impl Pursuit {
             let (own, row) = (self.scale[i], row.as_flattened_mut());
             let (columns, light) = row.split_at_mut(p);
             for (j, (value, scale)) in columns.iter_mut().zip(&self.scale).enumerate() {
-                *value = gram.a[i.min(j) * (p + r) + i.max(j)] * (own * scale);
+                *value = gram.a[Gram::place(i, j, p + r)] * (own * scale);
             }
             let b = &gram.a[i * (p + r) + p..][pilot.clone()];
             light.iter_mut().zip(b).for_each(|(value, b)| *value = own * b);
