@@ -63,11 +63,7 @@ pub fn allocate(
     let counts: Vec<f64> = counts.iter().map(|&n| f64::from(n)).collect();
     let pool = Pool::new(error, &counts, target, options)?;
     let Some(shares) = pool.spend(budget as f64, options) else { return Ok(vec![0; counts.len()]) };
-    let samples = round(&shares, error.width(), budget);
-    samples.into_iter().map(u32::try_from).collect::<std::result::Result<_, _>>().map_err(|_| {
-        Error::new(ErrorKind::Usage, format!("{budget} samples are too many for the pixels that need any"))
-            .remedy("ask for fewer samples per pixel")
-    })
+    whole(&shares, error.width(), budget)
 }
 
 /// The density of the next pass's samples, 1 on the average: multiply it by the pass's samples per
@@ -88,6 +84,17 @@ pub fn density(
     let pool = Pool::new(error, &counts, target, options)?;
     let shares = pool.spend(pixels, options).unwrap_or(vec![0.0; counts.len()]);
     Plane::from_vec(width, height, shares.into_iter().map(|share| share as f32).collect())
+}
+
+/// The samples of each pixel, row by row, of a pass of `spp` samples per pixel by `density`: their product, in whole
+/// numbers of the same sum.
+///
+/// # Errors
+/// When a pixel's samples exceed 32 bits.
+pub fn counts(density: &Plane, spp: u32) -> Result<Vec<u32>> {
+    let shares: Vec<f64> = density.data().iter().map(|&share| f64::from(share)).collect();
+    let budget = (shares.iter().sum::<f64>() * f64::from(spp)).round() as u64;
+    whole(&shares, density.width(), budget)
 }
 
 /// The density of the next pass's samples in proportion to a method's own `priority`, 1 on the average;
@@ -220,6 +227,15 @@ const UNSAMPLED: f64 = 0.1;
 
 /// What a running sum may miss a half by, for its rounding error.
 const TIE: f64 = 1e-6;
+
+/// `budget` samples in proportion to `shares`, in numbers that a tracer takes.
+fn whole(shares: &[f64], width: usize, budget: u64) -> Result<Vec<u32>> {
+    let samples = round(shares, width, budget).into_iter().map(u32::try_from);
+    samples.collect::<std::result::Result<_, _>>().map_err(|_| {
+        Error::new(ErrorKind::Usage, format!("{budget} samples are too many for the pixels that need any"))
+            .remedy("ask for fewer samples per pixel")
+    })
+}
 
 /// Whole numbers with the sum `budget`: running sums are rounded, along rows that turn at their ends so that
 /// a fraction's leftovers do not line up.

@@ -58,7 +58,7 @@ pub use atomic::{abandon_temporaries, check_old, check_target, write_bytes};
 pub use beauty::{Beauty, read_rgb};
 pub use bounds::bound_feature;
 pub use channels::{Renderer, VarianceKind};
-pub use counts::read_counts;
+pub use counts::{DENSITY, SampleMap, read_sample_map};
 pub use layout::{FileLayout, Layout, PartLayout, RoleLayout};
 pub use limits::{MAX_BLOCK_BYTES, MAX_CHANNELS, MAX_PARTS, MAX_PIXELS, MAX_PLANE_BYTES};
 pub use mapping::Mapping;

@@ -29,6 +29,17 @@ fn sums_are_exact_for_any_error_budget_and_decay() {
 }
 
 #[test]
+fn a_density_times_the_samples_per_pixel_keeps_its_sum() {
+    let even = counts(&error(|x, _| if x == 0 { 2.0 } else { 0.25 }), 8).unwrap();
+    assert!(even.iter().enumerate().all(|(i, &n)| n == if i % W == 0 { 16 } else { 2 }));
+    for share in [0.1, 1.0 / 3.0, 1.7] {
+        let samples = counts(&error(|_, _| share), 5).unwrap();
+        assert_eq!(sum(&samples), (f64::from(share) * 5.0 * (W * H) as f64).round() as u64);
+    }
+    assert!(counts(&error(|x, y| if x + y == 0 { 1e7 } else { 0.0 }), 1000).is_err());
+}
+
+#[test]
 fn without_any_sample_yet_all_pixels_count_as_having_one() {
     let map = error(|x, _| 0.01 * (1 + x) as f32);
     let options = SamplingOptions::default();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use apr::Frame;
 use apr::image::Plane;
-use apr::io::{FrameHeader, Picture, ReadOptions, write_frame, write_plane};
+use apr::io::{DENSITY, FrameHeader, Picture, ReadOptions, write_frame, write_plane};
 
 use super::{scenes, shipped};
 
@@ -239,6 +239,32 @@ fn a_map_of_samples_that_makes_no_sense_is_refused() {
     let turned = Plane::filled(10, 12, 1.0);
     write_plane(&map, "n.Y", &turned).unwrap();
     refused("the map is 10×12 where the picture is 12×10");
+}
+
+/// As `apr-denoise --sampling-map` writes it.
+#[test]
+fn a_density_is_multiplied_by_the_samples_per_pixel_that_are_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (scene, map) = (write_scene(folder.path(), [12, 10]), folder.path().join("map.exr"));
+    let out = folder.path().join("out.exr");
+    let render = |channel: &str, mean: f32, spp: &[&str]| {
+        write_plane(&map, channel, &Plane::from_fn(12, 10, |x, _| [0.0, 0.5, 2.5][x % 3] * mean)).unwrap();
+        let output = program().arg(&scene).arg(&out).arg("--spp-map").arg(&map).args(spp).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    let (code, said) = render(DENSITY, 1.0, &["--spp", "6"]);
+    assert_eq!(code, Some(0), "{said}");
+    let picture = Picture::read(&out, &ReadOptions::default()).unwrap();
+    let counts = picture.sample_counts().unwrap();
+    assert_eq!(counts, &Plane::from_fn(12, 10, |x, _| [0.0, 3.0, 15.0][x % 3]));
+    for (channel, mean, spp, code, words) in [
+        (DENSITY, 1.0, &[][..], 2, "give the samples per pixel of this pass by --spp N"),
+        (DENSITY, 0.0, &["--spp", "6"], 4, "the target is met"),
+        ("n.Y", 2.0, &["--spp", "6"], 2, "leave --spp out"),
+    ] {
+        let (found, said) = render(channel, mean, spp);
+        assert!(found == Some(code) && said.contains(words) && said.contains("map.exr"), "{said}");
+    }
 }
 
 #[test]

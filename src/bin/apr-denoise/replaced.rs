@@ -9,7 +9,6 @@ use serde_json::Value;
 
 use crate::frames::FrameSet;
 use crate::plan::Job;
-use crate::sampling;
 
 /// Checks that no picture is lost which this program did not write, and that none is denoised in its own place again: a
 /// requeued job would leave frames of two kinds.
@@ -87,5 +86,5 @@ fn is_result(found: &Provenance) -> bool {
 }
 
 fn is_sampling_map(found: &Provenance) -> bool {
-    found.channels == [sampling::CHANNEL]
+    found.channels == [io::DENSITY]
 }

@@ -4,7 +4,7 @@ use apr::adaptive::crossed_error;
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
 use apr::image::Plane;
-use apr::io::{Picture, write_plane};
+use apr::io::{DENSITY, Picture, write_plane};
 use apr::sampling::{
     SamplingOptions, density, mean_error, proportional, relative_error, samples_needed, shares_of_mean,
 };
@@ -13,9 +13,6 @@ use serde::Serialize;
 
 use crate::frames::counted;
 use crate::plan::Job;
-
-/// The channel of the sampling map.
-pub const CHANNEL: &str = "density.Y";
 
 /// What is known about further samples.
 #[derive(Debug, Serialize)]
@@ -73,7 +70,7 @@ impl Sampling {
         }
         if let Some(path) = &job.sampling_map {
             let met = told.target_met == Some(true);
-            write_plane(path, CHANNEL, &next_density(picture, denoised, target, met)?)?;
+            write_plane(path, DENSITY, &next_density(picture, denoised, target, met)?)?;
         }
         Ok(Some(told))
     }

@@ -29,9 +29,10 @@ use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
 use apr::error::{Error, ErrorKind, Result, TARGET_NOT_MET};
 use apr::io::{
-    FrameHeader, Provenance, RunFile, check_apart, check_ending, check_replaced, check_target, read_counts,
-    write_bytes, write_frame,
+    FrameHeader, Provenance, RunFile, SampleMap, check_apart, check_ending, check_replaced, check_target,
+    read_sample_map, write_bytes, write_frame,
 };
+use apr::sampling::counts;
 use apr::trace::{AnimationFrame, FeatureMode, Plan, RenderOptions, Rendered, Renderer, Samples, Scene};
 use checkpoint::Checkpoint;
 use clap::{Parser, ValueEnum};
@@ -47,9 +48,9 @@ struct Args {
     /// The EXR file to write; not needed with --plan. Replaces an earlier render, but no other picture (see --overwrite).
     #[arg(required_unless_present = "plan")]
     out: Option<PathBuf>,
-    /// Samples per pixel.
-    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..))]
-    spp: u32,
+    /// Samples per pixel [default: 16].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Option<u32>,
     /// Seed of the random numbers: the same seed gives the same bits.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -69,8 +70,9 @@ struct Args {
     /// The share of the frame's time during which the shutter is open.
     #[arg(long, value_name = "SHARE", default_value_t = 0.5, requires = "frame")]
     shutter: f32,
-    /// Samples of each pixel from this EXR file, instead of --spp: from its channel sampleCount.Y, its only
-    /// channel, or R. A pixel of 0 samples is NaN.
+    /// Samples of each pixel from this EXR file. Their numbers, instead of --spp, are its channel sampleCount.Y, its only
+    /// channel, or R; a density.Y, as apr-denoise --sampling-map writes it, is multiplied by --spp. A pixel of 0 samples
+    /// is NaN.
     #[arg(long, value_name = "EXR", conflicts_with = "reference")]
     spp_map: Option<PathBuf>,
     /// Render N samples per pixel in passes, keeping a checkpoint (OUT.checkpoint) from which a killed
@@ -109,6 +111,9 @@ struct Args {
     #[arg(long, short)]
     quiet: bool,
 }
+
+/// Samples per pixel where none are asked for.
+const SPP: u32 = 16;
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
@@ -159,7 +164,7 @@ impl Args {
         };
         let frame = self.frame.map(|(number, count)| AnimationFrame::new(number, count, self.shutter));
         Ok(RenderOptions {
-            spp: self.reference.unwrap_or(self.spp),
+            spp: self.reference.or(self.spp).unwrap_or(SPP),
             seed: self.seed,
             features,
             second_hit: self.second_hit,
@@ -196,7 +201,7 @@ fn run(args: &Args) -> Result<ExitCode> {
     let mut renderer = Renderer::new(&scene, &options)?;
     let (rounds, taken_up) = if args.adaptive {
         let adaptive = AdaptiveOptions {
-            spp: args.spp,
+            spp: options.spp,
             rounds: args.rounds,
             target_error: args.target_error,
             ..AdaptiveOptions::default()
@@ -249,7 +254,7 @@ fn print_plan(plan: &Plan) -> Result<()> {
 /// Draws all samples, in passes that the progress can be told between. How many an earlier run had drawn.
 fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Renderer) -> Result<u64> {
     if let Some(path) = &args.spp_map {
-        renderer.pass(Samples::Map(&read_counts(path, scene.size())?))?;
+        renderer.pass(Samples::Map(&mapped(path, args.spp, scene)?))?;
         return Ok(0);
     }
     let mut checkpoint = Checkpoint::new(args, options, scene);
@@ -270,6 +275,27 @@ fn render(args: &Args, options: &RenderOptions, scene: &Scene, renderer: &mut Re
     }
     checkpoint.save(renderer); // a picture that cannot be written costs no second render then
     Ok(taken_up)
+}
+
+/// The samples of each pixel that the map at `path` asks for.
+fn mapped(path: &Path, spp: Option<u32>, scene: &Scene) -> Result<Vec<u32>> {
+    let refuse = |what: &str, remedy: &str| {
+        Err(Error::new(ErrorKind::Usage, what).in_file(path).remedy(remedy.to_owned()))
+    };
+    match (read_sample_map(path, scene.size())?, spp) {
+        (SampleMap::Counts(counts), None) => Ok(counts),
+        (SampleMap::Counts(_), Some(_)) => refuse(
+            "holds the numbers of samples themselves",
+            "leave --spp out, or call the channel density.Y",
+        ),
+        (SampleMap::Density(density), Some(spp)) => {
+            counts(&density, spp).map_err(|error| error.in_file(path))
+        }
+        (SampleMap::Density(_), None) => refuse(
+            "holds a density of samples, 1 on the average, and not their numbers",
+            "give the samples per pixel of this pass by --spp N: the density is multiplied by it",
+        ),
+    }
 }
 
 /// Samples of the next pass after one of `count` that `took` this long: twice as many until a pass takes the time that
