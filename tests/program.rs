@@ -375,6 +375,44 @@ fn a_result_can_be_denoised_again() {
     program().args([&path, &path]).args(["--quiet", "--aux", "--overwrite"]).assert().success();
 }
 
+/// A file of results may hold noise besides: of the other eye, or beside what the renderer shows.
+#[test]
+fn what_a_file_of_results_still_has_of_noise_is_not_told_as_denoised() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, once, twice] = ["in.exr", "once.exr", "twice.exr"].map(|name| folder.path().join(name));
+    let part = |name, layers: &[&str]| {
+        let names: Vec<String> =
+            layers.iter().flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}{c}"))).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        layer(name, SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names))
+    };
+    let eye = |name| {
+        let mut part = part(Some(name), &[""]);
+        part.attributes.view_name = Some(Text::from(name));
+        part
+    };
+    let parts = vec![eye("left"), eye("right")];
+    let blender = vec![part(None, &["V.Combined.", "V.Noisy Image."])];
+    let eyes = vec![part(None, &["left.", "right."])];
+    for (parts, first, other, again) in [
+        (parts, "color=left", "color=right", "color=left"),
+        (eyes, "color=left", "color=right", "color=left"),
+        (blender, "", "", "color=V.Combined"),
+    ] {
+        exr_files::write(&file, exr::prelude::IntegerBounds::from_dimensions(SIZE), parts);
+        let told = |input: &Path, output: &Path, map: &str| {
+            let map = ["--map", map].into_iter().filter(|_| !map.is_empty());
+            let (code, _, said) = run(program().args([input, output]).args(map).args(["--preset", "fast"]));
+            assert_eq!(code, 0, "{said}");
+            said.contains("is denoised already")
+        };
+        assert!(!told(&file, &once, first) && !told(&once, &twice, other), "{first}");
+        // Both are, by now.
+        assert!(told(&twice, &once, again), "{again}");
+        assert!(other.is_empty() || told(&twice, &once, other), "{other}");
+    }
+}
+
 /// A result that is denoised again is told, also where it is the other half; going on and merging read results as well
 /// and are no such case.
 #[test]
@@ -382,7 +420,7 @@ fn what_is_denoised_already_is_told() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let (input, once, twice, report) = (render(folder.path()), at("once.exr"), at("twice.exr"), at("r.json"));
-    let words = "once.exr: is denoised already, as its attribute apr.settings tells";
+    let words = "once.exr: is denoised already, as its attribute apr.denoised tells";
     let complaints = |arguments: &[&Path], options: &[&str]| {
         let (code, _, complaints) = run(program().args(arguments).args(options));
         assert_eq!(code, 0, "{complaints}");

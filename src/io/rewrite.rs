@@ -4,6 +4,7 @@
 //! decoded, their channels replaced, and encoded again; that loses nothing as long as their compression
 //! is lossless for what passes through, and otherwise they are written with ZIP instead.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -54,6 +55,10 @@ pub(super) struct NewPart<'a> {
 /// The attribute that says what a result was made by.
 const SIGNATURE: &str = "apr.settings";
 
+/// The attribute that names the channels of a part that hold results, of this run or of earlier ones: a JSON list. The
+/// file may have noise besides, of the other eye, or where the renderer keeps it beside its own result.
+pub(super) const DENOISED: &str = "apr.denoised";
+
 /// Bytes that are written before the disk is asked to take them.
 const SYNC_BYTES: usize = 16 << 20;
 
@@ -68,8 +73,8 @@ pub(super) struct Plan<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// For `document` with the `replacements`; the `additions` and the signature go to the first
-    /// replacement's part.
+    /// For `document` with the `replacements`, which are marked where there is a signature; the `additions` and that
+    /// go to the first replacement's part.
     pub(super) fn new(
         document: &Document,
         replacements: &[Replacement<'a>],
@@ -91,6 +96,10 @@ impl<'a> Plan<'a> {
         if let Some(signature) = signature.and_then(Text::new_or_none) {
             let attributes = &mut headers[beauty].own_attributes.other;
             attributes.insert(Text::from(SIGNATURE), AttributeValue::Text(signature));
+            for ChannelAt { part, channel } in replacements.iter().map(|replacement| replacement.at) {
+                let name = document.headers()[part].channels.list[channel].name.to_string();
+                mark_denoised(&mut headers[part], name);
+            }
         }
         Self { new, headers, notes }
     }
@@ -156,6 +165,26 @@ pub(super) fn signature_in(headers: &[Header]) -> Option<String> {
         Some(AttributeValue::Text(text)) => Some(text.to_string()),
         _ => None,
     })
+}
+
+/// Whether the channel of this name holds a result of this program.
+pub(super) fn is_denoised(header: &Header, name: &str) -> bool {
+    denoised(header).contains(name)
+}
+
+fn denoised(header: &Header) -> BTreeSet<String> {
+    match header.own_attributes.other.get(&Text::from(DENOISED)) {
+        Some(AttributeValue::Text(text)) => serde_json::from_str(&text.to_string()).unwrap_or_default(),
+        _ => BTreeSet::new(),
+    }
+}
+
+fn mark_denoised(header: &mut Header, name: String) {
+    let mut names = denoised(header);
+    names.insert(name);
+    let text = serde_json::to_string(&names).expect("names are JSON");
+    let value = AttributeValue::Text(Text::from(text.as_str()));
+    header.own_attributes.other.insert(Text::from(DENOISED), value);
 }
 
 impl<'a> NewPart<'a> {

@@ -160,6 +160,11 @@ impl Source {
         (self.window.size.width(), self.window.size.height())
     }
 
+    /// Where the colour's mean is, in the first file.
+    pub(super) fn color(&self) -> impl Iterator<Item = ChannelAt> {
+        color_of(&self.choices).iter().map(|channel| channel.at)
+    }
+
     /// The picture in bands that are a small share of the memory.
     pub(super) fn bands(&self) -> impl Iterator<Item = Rect> {
         let planes = self.choices.iter().map(|choice| choice.channels.len()).sum();
@@ -478,17 +483,22 @@ fn warn_of_darkness(
     statistics: &BTreeMap<Channel, Statistics>,
     remarks: &mut Remarks,
 ) {
-    let is_color = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
-    let Some(color) = choices.iter().find(is_color) else { return };
-    let ranges: Option<Vec<_>> = color.channels.iter().map(|channel| statistics[channel].range()).collect();
+    let color = color_of(choices);
+    let ranges: Option<Vec<_>> = color.iter().map(|channel| statistics[channel].range()).collect();
     if ranges.is_none_or(|ranges| ranges.iter().any(|(_, most)| *most > 0.0)) {
         return;
     }
-    let names: Vec<String> = color.channels.iter().map(|channel| told_name(documents, *channel)).collect();
+    let names: Vec<String> = color.iter().map(|channel| told_name(documents, *channel)).collect();
     remarks.warnings.push(format!(
         "{}: nowhere above 0, and taken for the colour: if the picture is not black, name its channels by --map color=…",
         names.join(", ")
     ));
+}
+
+/// The channels of the colour's mean, which every picture has.
+fn color_of(choices: &[Choice]) -> &[Channel] {
+    let is_mean = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
+    choices.iter().find(is_mean).map_or(&[], |choice| &choice.channels)
 }
 
 /// The files that have channels of these `choices`.
@@ -539,9 +549,7 @@ fn leave_out_variances(
     remarks: &mut Remarks,
 ) {
     let range = |channel: &Channel| statistics[channel].range();
-    let is_mean = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
-    let color = choices.iter().find(is_mean).map_or(&[][..], |choice| &choice.channels);
-    let varies = color.iter().filter_map(range).any(|(least, most)| least < most);
+    let varies = color_of(choices).iter().filter_map(range).any(|(least, most)| least < most);
     let says_nothing = |choice: &Choice| {
         let most = || choice.channels.iter().filter_map(range).map(|(_, most)| most);
         let is_variance = matches!(choice.target.statistic, Statistic::Variance(_));

@@ -13,7 +13,7 @@ use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
 use super::region::{Place, told, write_region};
-use super::rewrite::{Addition, Replacement, rewrite, signature_in};
+use super::rewrite::{Addition, DENOISED, Replacement, is_denoised, rewrite};
 use super::source::{Held, Hold, Source, part_of};
 use super::sums::{Deviation, Differences, SumCheck};
 use super::variance::Noise;
@@ -336,13 +336,17 @@ fn foreign(what: String) -> Error {
     Error::new(ErrorKind::Usage, what).remedy("denoise the frame of this very picture")
 }
 
-/// Tells of a file that is a result itself: what noise it still has is none that anything here expects.
+/// Tells of a colour that is a result itself: what noise it still has is none that anything here expects.
 fn warn_of_denoised(source: &Source) -> Option<String> {
     let file = &source.documents[0];
-    signature_in(file.headers()).map(|_| {
+    let is_result = |at: ChannelAt| {
+        let header = &file.headers()[at.part];
+        is_denoised(header, &header.channels.list[at.channel].name.to_string())
+    };
+    source.color().any(is_result).then(|| {
         let file = file.path().display();
         format!(
-            "{file}: is denoised already, as its attribute apr.settings tells: its noise is no longer the render's, so that \
+            "{file}: is denoised already, as its attribute {DENOISED} tells: its noise is no longer the render's, so that \
              detail passes for noise and the estimated error is wrong; give the render itself"
         )
     })
