@@ -91,7 +91,7 @@ def picture():
     denoised = scene.folder / "denoised.exr"
     shipped.program("apr-denoise", noisy, denoised, "--quiet")
     target = shipped.ROOT / "fixtures" / "readme.png"
-    shipped.program("apr-compare", noisy, scene.reference(), denoised, "--side-by-side", target)
+    shipped.program("apr-compare", noisy, scene.reference(), denoised, "--side-by-side", target, "--overwrite")
 
 
 def main():

@@ -119,6 +119,30 @@ fn pictures_that_would_replace_an_input_or_each_other_are_refused() {
     }
 }
 
+#[test]
+fn what_others_wrote_is_replaced_only_when_told_to() {
+    let folder = folder("foreign");
+    let (a, b) = (picture(folder.join("a.exr"), 1.25), picture(folder.join("b.exr"), 1.0));
+    let target = folder.join("there.png");
+    for option in ["--heatmap", "--side-by-side"] {
+        image::RgbImage::new(3, 2).save(&target).unwrap();
+        let before = std::fs::read(&target).unwrap();
+        let run = |more: &[&str]| {
+            let more = more.iter().map(Path::new);
+            let output = compare(
+                &[a.as_path(), &b, Path::new(option), &target].into_iter().chain(more).collect::<Vec<_>>(),
+            );
+            (output.status.code(), String::from_utf8(output.stderr).unwrap())
+        };
+        let (code, said) = run(&[]);
+        assert!(code == Some(2) && said.contains("there.png: is there already"), "{said}");
+        assert!(said.contains("--overwrite") && std::fs::read(&target).unwrap() == before, "{said}");
+        assert_eq!(run(&["--overwrite"]).0, Some(0));
+        assert!(std::fs::read(&target).unwrap() != before);
+        assert_eq!(run(&[]), (Some(0), String::new()), "its own");
+    }
+}
+
 /// A picture of these layers whose data window is x, y, width, height in a display window of that size at 0, 0. Every
 /// pixel is `value` times a number of its own place in the display window.
 fn windowed(path: PathBuf, window: [usize; 4], display: (usize, usize), layers: &[(&str, f32)]) -> PathBuf {

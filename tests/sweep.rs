@@ -54,7 +54,14 @@ fn one_page_holds_every_run_and_needs_nothing_else() {
         let path = folder.join(format!("report/pictures/gallery-spp16-{picture}.png"));
         assert_eq!(image::image_dimensions(path).unwrap(), (128, 96));
     }
-    assert!(folder.join("report/time-gallery-spp16.svg").exists());
+    // All of it may be replaced by the next run.
+    let written = |folder: &Path| std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let files = written(&folder.join("report")).chain(written(&folder.join("report/pictures")));
+    let files: Vec<_> = files.filter(|path| path.is_file()).collect();
+    assert!(files.contains(&folder.join("report/time-gallery-spp16.svg")));
+    for file in files {
+        assert!(apr::report::is_own(&std::fs::read(&file).unwrap()), "{}", file.display());
+    }
 }
 
 /// Before any work: neither the render nor its reference is there.
@@ -80,6 +87,31 @@ fn a_page_that_would_replace_what_it_is_made_of_is_refused() {
         assert!(code == Some(2) && said.contains(&format!("the picture of '{b}'")), "{said}");
     }
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// Before any work: neither the render nor its reference is there.
+#[test]
+fn what_others_wrote_in_the_folder_is_replaced_only_when_told_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let pictures = folder.path().join("pictures");
+    std::fs::create_dir(&pictures).unwrap();
+    for name in ["index.html", "sweep.json", "samples.svg", "time-a.svg", "pictures/a-noisy.png"] {
+        let file = folder.path().join(name);
+        std::fs::write(&file, "{}").unwrap();
+        let sweep = |more: &[&str]| {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_apr-compare"));
+            command
+                .args(["sweep", "a.exr", "--reference", "none.exr", "--out"])
+                .arg(folder.path())
+                .args(more);
+            let output = command.output().unwrap();
+            (output.status.code(), String::from_utf8(output.stderr).unwrap())
+        };
+        let (code, said) = sweep(&[]);
+        assert!(code == Some(2) && said.contains(&format!("{name}: is there already")), "{said}");
+        assert_eq!(sweep(&["--overwrite"]).0, Some(3), "goes on to read the reference");
+        std::fs::remove_file(file).unwrap();
+    }
 }
 
 /// Before any work: the reference is not there either.

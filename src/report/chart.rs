@@ -18,6 +18,9 @@ const ROW: f64 = 17.0;
 const TOP: f64 = 34.0;
 const BOTTOM: f64 = 52.0;
 
+/// What tells whose a chart is.
+pub(super) const MARK: &str = concat!("<!-- ", env!("CARGO_PKG_NAME"), " -->");
+
 /// Okabe and Ito's colours, which people with colour-blindness can tell apart.
 const COLORS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#444444"];
 
@@ -94,7 +97,7 @@ impl Chart {
         let width = WIDTH + if named > INSIDE { LEGEND } else { 0.0 };
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {HEIGHT}\" width=\"{width}\" \
-             font-family=\"system-ui,sans-serif\" font-size=\"12\" fill=\"#222\">\n\
+             font-family=\"system-ui,sans-serif\" font-size=\"12\" fill=\"#222\">{MARK}\n\
              <rect width=\"{width}\" height=\"{HEIGHT}\" fill=\"#fff\"/>\n"
         );
         text(&mut svg, LEFT, 20.0, "font-weight=\"600\" font-size=\"14\"", &self.title);

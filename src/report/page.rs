@@ -6,12 +6,16 @@ use super::chart::{Chart, Series};
 use super::escape;
 use super::sweep::{Input, Run, Sweep, log_slope};
 
+/// What tells whose a page is.
+pub(super) const MARK: &str = concat!("<meta name=\"generator\" content=\"", env!("CARGO_PKG_NAME"), "\">");
+
 const TEMPLATE: &str = include_str!("page.html");
 
 /// The page of `sweep`, complete HTML.
 pub fn page(sweep: &Sweep) -> String {
     let svgs = |charts: Vec<Chart>| charts.iter().map(Chart::svg).collect::<String>();
     let values = [
+        ("MARK", MARK.to_owned()),
         ("REFERENCE", escape(&sweep.reference)),
         ("NOISE", noise(sweep)),
         ("TIME_CHARTS", svgs(time_charts(sweep))),

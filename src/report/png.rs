@@ -7,6 +7,9 @@ use crate::image::{Plane, Rgb};
 use crate::metrics::REL_MSE_EPSILON;
 use crate::tone::{luminance, srgb};
 
+/// The chunk that tells whose a picture is: its type, a keyword that PNG knows, and the program's name.
+pub(super) const MARK: &str = concat!("tEXtSoftware\0", env!("CARGO_PKG_NAME"));
+
 /// Columns of white between pictures that stand side by side.
 const GAP: u32 = 4;
 
@@ -133,7 +136,19 @@ fn encode(picture: &RgbImage) -> Result<Vec<u8>> {
     picture
         .write_to(&mut bytes, ImageFormat::Png)
         .map_err(|error| Error::new(ErrorKind::Internal, format!("the PNG cannot be encoded: {error}")))?;
-    Ok(bytes.into_inner())
+    let mut bytes = bytes.into_inner();
+    bytes.splice(HEADER..HEADER, mark());
+    Ok(bytes)
+}
+
+/// Bytes of PNG's signature and of its first chunk, which the others follow.
+const HEADER: usize = 8 + 4 + 4 + 13 + 4;
+
+/// [`MARK`] as a chunk: its length without the type, and a checksum behind it.
+fn mark() -> Vec<u8> {
+    let length = (MARK.len() - 4) as u32;
+    let checksum = libdeflater::crc32(MARK.as_bytes());
+    [&length.to_be_bytes(), MARK.as_bytes(), &checksum.to_be_bytes()].concat()
 }
 
 #[cfg(test)]

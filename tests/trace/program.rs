@@ -361,7 +361,10 @@ fn no_picture_is_replaced_that_the_tracer_did_not_write() {
         let before = std::fs::read(place).unwrap();
         std::fs::copy(&foreign, place).unwrap();
         let (code, said) = run(&[]);
-        assert!(code == Some(2) && said.contains("is a picture") && said.contains("--overwrite"), "{said}");
+        assert!(
+            code == Some(2) && said.contains("did not write it") && said.contains("--overwrite"),
+            "{said}"
+        );
         assert_eq!(std::fs::read(place).unwrap(), std::fs::read(&foreign).unwrap());
         std::fs::write(place, before).unwrap();
     }

@@ -9,6 +9,7 @@ use apr::metrics::{self, Scores};
 use apr::report::png;
 
 use crate::answer::complain;
+use crate::foreign;
 
 /// What to compare, and how to show it.
 #[derive(clap::Args)]
@@ -33,6 +34,9 @@ pub struct CompareArguments {
     /// Write the results and, rightmost, the reference. Tone map: cut to 0…1, sRGB curve.
     #[arg(long, value_name = "FILE.png")]
     side_by_side: Option<PathBuf>,
+    /// Replace pictures that this program did not write, too.
+    #[arg(long)]
+    overwrite: bool,
 }
 
 /// What is compared, in the window that all files have.
@@ -146,10 +150,11 @@ fn check_files(arguments: &CompareArguments) -> Result<()> {
     io::check_apart(read, written.iter().copied())
         .map_err(|error| error.remedy("give what is written a name of its own"))?;
     written.iter().try_for_each(|file| {
-        io::check_ending_of(file.path, "png", "PNG")
-            .and_then(|()| io::check_replaced(file.path, |_| false))
-            .map_err(|error| error.remedy("name it otherwise, or remove what is there"))
-            .and_then(|()| io::check_target(file.path))
+        io::check_ending_of(file.path, "png", "PNG")?;
+        if !arguments.overwrite {
+            foreign::check(file.path)?;
+        }
+        io::check_target(file.path)
     })
 }
 

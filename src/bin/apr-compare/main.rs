@@ -6,6 +6,8 @@ mod answer;
 mod compare;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
+#[path = "../apr-denoise/foreign.rs"]
+mod foreign;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
 #[path = "../apr-denoise/numbers.rs"]
@@ -50,7 +52,7 @@ enum Command {
 
 const EXIT_CODES: &str = "Exit codes:
   0    done
-  2    usage: an option or argument makes no sense
+  2    usage: an option or argument makes no sense, or a file would be lost that this program did not write
   3    an input is missing, damaged, or uses a feature that is not supported
   4    the pictures cannot be compared: no pixel in common, no such channels, pixels that are not finite
   5    the result cannot be written

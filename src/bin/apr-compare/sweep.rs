@@ -13,6 +13,7 @@ use apr::{Error, ErrorKind, Frame, Result};
 use serde::Deserialize;
 
 use crate::answer::complain;
+use crate::foreign;
 use crate::numbers::positive;
 use crate::processor;
 use crate::variants::{Variant, read_text, variants};
@@ -49,6 +50,9 @@ pub struct SweepArguments {
     /// Samples per pixel, where a single input's header lacks it.
     #[arg(long, value_name = "N", value_parser = positive::<f32>, allow_negative_numbers = true)]
     spp: Option<f32>,
+    /// Replace files of these names in the folder that this program did not write, too.
+    #[arg(long)]
+    overwrite: bool,
 }
 
 /// Another denoiser's result.
@@ -214,7 +218,7 @@ fn tell_of_strangers(arguments: &SweepArguments, rivals: &[Rival]) {
 }
 
 /// Checks that the page, its charts and its pictures, whose names follow from those of inputs, variants and rivals,
-/// replace nothing that is read and not one another.
+/// replace nothing that is read, nothing of somebody else's, and not one another.
 fn check_files(arguments: &SweepArguments, variants: &[Variant], rivals: &[Rival]) -> Result<()> {
     let charts = names(&arguments.inputs)
         .flat_map(|name| ["time", "calibration"].map(|chart| format!("{chart}-{}.svg", plain(&name))));
@@ -233,7 +237,11 @@ fn check_files(arguments: &SweepArguments, variants: &[Variant], rivals: &[Rival
             "give inputs, variants and rivals names that differ in letters or numbers, and the page a folder of its own \
              by --out",
         )
-    })
+    })?;
+    if arguments.overwrite {
+        return Ok(());
+    }
+    written.iter().try_for_each(|(_, path)| foreign::check(path))
 }
 
 /// What the pictures that show each render and result are called, and their files.
@@ -265,7 +273,7 @@ fn make_folder(folder: &Path) -> Result<()> {
 fn write(sweep: &Sweep, folder: &Path) -> Result<()> {
     let put = |name: &str, text: &str| io::write_bytes(folder.join(name), text.as_bytes());
     put("index.html", &page::page(sweep))?;
-    put("sweep.json", &report::json(sweep)?)?;
+    put("sweep.json", &report::report(sweep)?)?;
     put("samples.svg", &page::spp_chart(sweep).svg())?;
     let charts = page::time_charts(sweep).into_iter().zip(page::calibration_charts(sweep));
     for (input, (time, calibration)) in sweep.inputs.iter().zip(charts) {

@@ -6,6 +6,7 @@ mod arguments;
 mod budget;
 mod clock;
 mod failure;
+mod foreign;
 mod frames;
 mod generate;
 mod inspect;

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, Provenance};
-use serde_json::Value;
 
+use crate::foreign;
 use crate::frames::FrameSet;
 use crate::plan::Job;
 
@@ -26,8 +26,8 @@ pub fn check(jobs: &[Job], sequence_report: Option<&Path>) -> Result<()> {
     let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));
     refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))?;
     let reports = jobs.iter().filter_map(|job| Some((job, job.report_file()?)));
-    refuse(lost, reports.filter(|(_, report)| is_no_report(report)))?;
-    sequence_report.filter(|report| is_no_report(report)).map_or(Ok(()), |report| Err(lost(report, "")))
+    refuse(lost, reports.filter(|(_, report)| foreign::is_foreign(report)))?;
+    sequence_report.map_or(Ok(()), foreign::check)
 }
 
 /// The same of the picture of regions.
@@ -71,14 +71,6 @@ fn lost(path: &Path, frames: &str) -> Error {
 /// Whether a picture is there and is none of this program's `own`.
 fn is_strange(path: &Path, own: fn(&Provenance) -> bool) -> bool {
     io::check_replaced(path, own).is_err()
-}
-
-/// Whether something is there and is no report of this program.
-fn is_no_report(path: &Path) -> bool {
-    let is_own = |bytes: &[u8]| {
-        serde_json::from_slice::<Value>(bytes).is_ok_and(|json| json["program"] == env!("CARGO_PKG_NAME"))
-    };
-    std::fs::read(path).is_ok_and(|bytes| !bytes.is_empty() && !is_own(&bytes))
 }
 
 fn is_result(found: &Provenance) -> bool {

@@ -5,6 +5,8 @@ mod answer;
 mod checkpoint;
 #[path = "../apr-denoise/failure.rs"]
 mod failure;
+#[path = "../apr-denoise/foreign.rs"]
+mod foreign;
 #[path = "../apr-denoise/frames.rs"]
 #[allow(dead_code, reason = "the place for one frame's number is all that is wanted here")]
 mod frames;
@@ -29,7 +31,7 @@ use answer::{complain, print};
 use apr::adaptive::AdaptiveOptions;
 use apr::error::{Error, ErrorKind, Result, TARGET_NOT_MET};
 use apr::io::{
-    FrameHeader, Provenance, RunFile, SampleMap, check_apart, check_ending, check_replaced, check_target,
+    FrameHeader, RunFile, SampleMap, check_apart, check_ending, check_replaced, check_target,
     read_sample_map, write_bytes, write_frame,
 };
 use apr::sampling::counts;
@@ -104,7 +106,7 @@ struct Args {
     /// Write what was done, as JSON.
     #[arg(long, value_name = "JSON")]
     report: Option<PathBuf>,
-    /// Replace pictures that this program did not write, too.
+    /// Replace pictures and reports that this program did not write, too.
     #[arg(long)]
     overwrite: bool,
     /// Print nothing but errors.
@@ -235,11 +237,12 @@ fn check_files(args: &Args, scene: &Scene, out: &Path) -> Result<()> {
     let written: Vec<RunFile> = std::iter::once(file("the picture")(out)).chain(beside).collect();
     check_apart(read, written.iter().copied())
         .map_err(|error| error.remedy("give what is written a name of its own"))?;
-    for (n, file) in written.iter().enumerate().filter(|_| !args.overwrite) {
-        let is_own = |found: &Provenance| n == 0 && found.is_traced;
-        check_replaced(file.path, is_own).map_err(|error| {
+    if !args.overwrite {
+        // What is no checkpoint of this render is refused by whoever takes it up.
+        check_replaced(out, |found| found.is_traced).map_err(|error| {
             error.remedy("name what is written otherwise, or give --overwrite to lose what is there")
         })?;
+        args.report.as_deref().map_or(Ok(()), foreign::check)?;
     }
     written.iter().try_for_each(|file| check_target(file.path))
 }
@@ -329,6 +332,7 @@ fn finish(
     }
     if let Some(path) = &args.report {
         let report = serde_json::json!({
+            "program": apr::report::PROGRAM,
             "scene": args.scene.display().to_string(),
             "output": out.display().to_string(),
             "seed": args.seed,
