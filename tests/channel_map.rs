@@ -364,6 +364,42 @@ fn the_user_maps_adds_and_takes_away() {
 }
 
 #[test]
+fn the_end_of_one_name_stands_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = [
+        "R", "G", "B", "L.key.R", "L.key.G", "L.key.B", "L.nrm.X", "L.nrm.Y", "L.nrm.Z", "M.nrm.X",
+        "M.nrm.Y", "M.nrm.Z",
+    ];
+    let names: Vec<&str> = names.into_iter().chain(["depth.Z"]).collect();
+    let options = |map: &[&str]| ReadOptions {
+        map: map.iter().map(|m| m.parse().unwrap()).collect(),
+        ..Default::default()
+    };
+    let picture = picture(
+        folder.path(),
+        &names,
+        &[],
+        &options(&["color=KEY", "albedo=key.G,key.R,key.B", "normal=M.nrm"]),
+    );
+    let expected =
+        ["color mean: L.key.R", "albedo mean: L.key.G", "normal mean: M.nrm.X", "depth mean: depth.Z"];
+    assert_eq!(roles(&picture), expected);
+    let refused = |map| {
+        let path = folder.path().join("render.exr");
+        Picture::read(path, &options(&[map])).unwrap_err().to_string()
+    };
+    let said = refused("normal=nrm");
+    assert!(
+        said.contains("channel 'nrm': is the end of several names, but 'normal' is mapped to it"),
+        "{said}"
+    );
+    assert!(said.contains("there are 'L.nrm', 'M.nrm'"), "{said}");
+    for missing in ["depth=Y", "albedo=ey"] {
+        assert!(refused(missing).contains("is not there"), "a component or a part of a word is no name");
+    }
+}
+
+#[test]
 fn the_other_half_follows_from_the_mean() {
     let folder = tempfile::tempdir().unwrap();
     let names = ["R", "G", "B", "halfA.R", "halfA.G", "halfA.B"];

@@ -1,6 +1,6 @@
 //! What the user says about channels: `ROLE=CHANNELS`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
 
 use super::channels::{Flow, Role, Statistic, VarianceKind, match_layer};
@@ -132,10 +132,11 @@ fn base_role(base: &str, further: &[String]) -> Option<(Role, String)> {
     })
 }
 
-/// Finds the channels that a mapping names: full channel names, `PART.CHANNEL`, layers, parts, or views.
+/// Finds the channels that a mapping names: full channel names, `PART.CHANNEL`, layers, parts, or views; or the end of
+/// one name of a layer, or of a channel with its layer, after a dot.
 ///
 /// # Errors
-/// `Lacking` when there is none of that name, with those that are like it.
+/// `Lacking` when there is none of that name, with those that are like it, or several end so.
 pub(super) fn find(
     mapping: &Mapping,
     layers: &[Layer],
@@ -143,24 +144,47 @@ pub(super) fn find(
     part_name: impl Fn(Channel) -> Option<String>,
 ) -> Result<Vec<Channel>> {
     let all = || layers.iter().flat_map(|layer| &layer.components).map(|(_, channel)| *channel);
+    let channels = |name: &str| {
+        let channel = all().find(|&channel| full_name(channel).iter().any(|full| full == name));
+        let layer = || layer_named(name, layers, &part_name);
+        let ordered = |layer: &Layer| {
+            let picked = layer.pick_first(&[&["R", "G", "B"], &["X", "Y", "Z"]]);
+            picked.unwrap_or_else(|| layer.in_order())
+        };
+        channel.map(|channel| vec![channel]).or_else(|| layer().map(ordered))
+    };
     let mut found = Vec::new();
     for wanted in &mapping.channels {
-        if let Some(channel) = all().find(|&channel| full_name(channel).contains(wanted)) {
-            found.push(channel);
-        } else if let Some(layer) = layer_named(wanted, layers, &part_name) {
-            let ordered = layer.pick_first(&[&["R", "G", "B"], &["X", "Y", "Z"]]);
-            found.extend(ordered.unwrap_or_else(|| layer.in_order()));
-        } else {
-            let what = format!("is not there, but '{}' is mapped to it", mapping.name);
-            let part = |layer: &Layer| part_name(layer.components[0].1);
-            let of_layer = |layer: &Layer| [Some(layer.name.clone()), layer.view.clone(), part(layer)];
-            let names = layers.iter().flat_map(of_layer).flatten().chain(all().flat_map(&full_name));
-            return Err(Error::new(ErrorKind::Lacking, what)
-                .in_channel(wanted)
-                .remedy(likest(wanted, names)));
+        let part = |layer: &Layer| part_name(layer.components[0].1);
+        let of_layer = |layer: &Layer| [Some(layer.name.clone()), layer.view.clone(), part(layer)];
+        let names = || layers.iter().flat_map(of_layer).flatten().chain(all().flat_map(&full_name));
+        if let Some(channels) = channels(wanted) {
+            found.extend(channels);
+            continue;
+        }
+        // A channel has several names.
+        let ends: BTreeMap<Vec<Channel>, String> = names()
+            .filter(|name| ends_in(name, wanted))
+            .filter_map(|name| Some((channels(&name)?, name)))
+            .collect();
+        let refuse = |what: &str, remedy: String| {
+            let what = format!("{what}, but '{}' is mapped to it", mapping.name);
+            Err(Error::new(ErrorKind::Lacking, what).in_channel(wanted).remedy(remedy))
+        };
+        match ends.len() {
+            0 => return refuse("is not there", likest(wanted, names())),
+            1 => found.extend(ends.into_keys().flatten()),
+            _ => return refuse("is the end of several names", likest(wanted, ends.into_values())),
         }
     }
     Ok(found)
+}
+
+/// Whether `name` is `end` after a dot. A component alone, which every layer may have, is no end.
+fn ends_in(name: &str, end: &str) -> bool {
+    let start = name.len().checked_sub(end.len()).filter(|start| *start > 0);
+    let is_end = |start: usize| name.get(start..).is_some_and(|rest| rest.eq_ignore_ascii_case(end));
+    end.len() > 1 && start.is_some_and(|start| is_end(start) && name[..start].ends_with('.'))
 }
 
 /// The layer of this name; or that of the part, or the picture of the view, which is called so.
@@ -205,6 +229,16 @@ mod tests {
         assert_eq!("depth=none".parse::<Mapping>().unwrap().channels, Vec::<String>::new());
         for nonsense in ["albedo", "=R", "albedo=", "albedo=R,,B"] {
             assert_eq!(nonsense.parse::<Mapping>().unwrap_err().kind(), ErrorKind::Usage, "{nonsense}");
+        }
+    }
+
+    #[test]
+    fn ends_of_names_follow_a_dot() {
+        assert!(ends_in("View.Noisy Image", "noisy image") && ends_in("View.Noisy Image.R", "Noisy Image.R"));
+        for (name, end) in
+            [("View.Depth.Z", "Z"), ("View.albedo", "bedo"), ("albedo", "albedo"), ("é.a", "\u{a9}.a")]
+        {
+            assert!(!ends_in(name, end), "{name}, {end}");
         }
     }
 

@@ -161,7 +161,7 @@ pub struct Arguments {
     /// Give channels a role, against what the channel map says. ROLE is color, variance, halfA, halfB,
     /// sampleCount, albedo, normal, position, depth, visibility, motionPrevious, motionNext, motionCycles, or a
     /// feature's name followed by Variance, HalfA or HalfB. CHANNELS is a list of channels, a layer, a part or a
-    /// view, or none.
+    /// view, or the end of one such name after a dot; or none.
     #[arg(long, value_name = "ROLE=CHANNELS", help_heading = "Channels")]
     pub map: Vec<Mapping>,
     /// Add a further feature.
