@@ -236,11 +236,41 @@ fn channels_are_mapped_as_where_they_are_denoised() {
 
     let (code, said, _) = energy(&["color=truth"]);
     assert!(code == Some(4) && said.contains("result.exr: channel 'truth': is not there"), "{said}");
-    for (map, words) in
-        [("normal=albedo", "'normal' is nothing that is compared"), ("albedo", "is no mapping")]
-    {
-        let (code, said, _) = energy(&[map]);
+    for (maps, words) in [
+        (&["normal=albedo"][..], "'normal' is nothing that is compared"),
+        (&["albedo"], "is no mapping"),
+        (&["reference=truth", "Reference=albedo"], "'Reference' is mapped twice"),
+    ] {
+        let (code, said, _) = energy(maps);
         assert!(code == Some(2) && said.contains(words), "{said}");
+    }
+    let (_, said, _) = energy(&["color=albedo", "reference=albedo.R,albedo.G"]);
+    assert!(said.contains("ref.exr: ") && said.contains("by --map reference=R,G,B"), "{said}");
+    let (_, said, _) = energy(&["reference=none"]);
+    assert!(said.contains("ref.exr: ") && said.contains("by --map reference=LAYER"), "{said}");
+}
+
+/// By its halves, or by its variance.
+#[test]
+fn the_references_own_noise_is_taken_off() {
+    let folder = folder("noise");
+    let flat = |value: f32| -> Rgb { std::array::from_fn(|_| Plane::filled(7, 5, value)) };
+    let write = |name: &str, frame: Frame| {
+        let path = folder.join(name);
+        apr::io::write_frame(&path, &frame, &Default::default()).unwrap();
+        path
+    };
+    let result = write("result.exr", Frame::new(flat(1.5)).unwrap());
+    let halves = Frame::new(flat(1.0)).unwrap().with_halves([flat(1.25), flat(0.75)]).unwrap();
+    let variance = Frame::new(flat(1.0)).unwrap().with_variance_of_mean(flat(0.0625)).unwrap();
+    for reference in [write("halves.exr", halves), write("variance.exr", variance)] {
+        let (_, said, answer) = told(&compare(&[&result, &reference, Path::new("--json")]));
+        let noise = answer["reference_noise"].as_f64().unwrap();
+        assert!((noise - 0.0625 / 1.01).abs() < 1e-12, "{said}{answer}");
+        let table = String::from_utf8(compare(&[&result, &reference]).stdout).unwrap();
+        assert!(table.lines().nth(1).unwrap().ends_with("  0.185644"), "(0.25 - 0.0625) / 1.01: {table}");
+        let regions = [&result, &reference, Path::new("--map"), Path::new("color=G"), Path::new("--json")];
+        assert!(told(&compare(&regions)).2["reference_noise"].is_null(), "of other channels nothing is told");
     }
 }
 

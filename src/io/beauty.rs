@@ -4,16 +4,16 @@ use std::path::Path;
 
 use exr::meta::attribute::IntegerBounds;
 
+use super::channels::{Role, Statistic};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::layers::Channel;
-use super::mapping::Mapping;
-use super::picture::ReadOptions;
+use super::mapping::{Mapping, Target};
 use super::recognize::{detect, layers};
 use super::region::{bounds, numbers, text, told};
 use super::rewrite::signature_in;
 use super::roles::Casting;
-use super::source::{mapped_choices, no_color, told_name};
+use super::source::{mapped_choice, no_color, told_name};
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Rgb;
 
@@ -28,23 +28,25 @@ pub struct Beauty {
 }
 
 impl Beauty {
-    /// Finds the colour of the file at `path`: what `map` gives that role, else what the channel map says. Reads no
-    /// pixels.
+    /// Finds the colour of the file at `path`: the channels that are `mapped` to it, else what the channel map says.
+    /// Errors call it by its `role`, which the user maps. Reads no pixels.
     ///
     /// # Errors
     /// As [`Picture::read`](super::Picture::read).
-    pub fn find(path: impl AsRef<Path>, map: &[Mapping]) -> Result<Self> {
+    pub fn find(path: impl AsRef<Path>, role: &str, mapped: Option<&[String]>) -> Result<Self> {
         let path = path.as_ref();
-        Self::found(path, map).map_err(|error| error.in_file(path))
+        Self::found(path, role, mapped).map_err(|error| error.in_file(path))
     }
 
-    fn found(path: &Path, map: &[Mapping]) -> Result<Self> {
+    fn found(path: &Path, role: &str, mapped: Option<&[String]>) -> Result<Self> {
         let documents = [Document::open(path)?];
         let layers = layers(&documents, None);
-        let options = ReadOptions { map: map.to_vec(), ..ReadOptions::default() };
-        let mapped = mapped_choices(&options, &documents, &layers)?;
-        let casting = Casting::new(&layers, detect(&documents[0], &layers), &mapped);
-        let color = casting.color().ok_or_else(|| no_color(&layers))?;
+        let mapping = mapped.map(|channels| Mapping { name: role.to_owned(), channels: channels.to_vec() });
+        let target = || Target { role: Role::Color, feature: String::new(), statistic: Statistic::Mean };
+        let choice =
+            mapping.map(|mapping| mapped_choice(&mapping, target(), &documents, &layers)).transpose()?;
+        let casting = Casting::new(&layers, detect(&documents[0], &layers), choice.as_slice());
+        let color = casting.color().ok_or_else(|| no_color(&layers, role))?;
         let beauty = casting.beauty(&color);
         let told = |channels: &[Channel]| channels.iter().map(|&c| told_name(&documents, c)).collect();
         let (channels, read) = (told(&beauty), told(&color.mean.channels));
@@ -145,7 +147,7 @@ impl Beauty {
 /// # Errors
 /// As [`Picture::read`](super::Picture::read).
 pub fn read_rgb(path: impl AsRef<Path>) -> Result<Rgb> {
-    let beauty = Beauty::find(path, &[])?;
+    let beauty = Beauty::find(path, "color", None)?;
     beauty.read(beauty.window())
 }
 

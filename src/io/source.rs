@@ -79,7 +79,7 @@ impl Source {
         let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
         let mapped = mapped_choices(options, &documents, &layers)?;
         let casting = Casting::new(&layers, renderer, &mapped);
-        let color = casting.color().ok_or_else(|| no_color(&layers))?;
+        let color = casting.color().ok_or_else(|| no_color(&layers, "color"))?;
         let beauty = casting.beauty(&color);
         let part = beauty[0].at.part;
         match hold {
@@ -345,15 +345,9 @@ pub(super) fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Documen
     Ok(documents)
 }
 
-pub(super) fn mapped_choices(
-    options: &ReadOptions,
-    documents: &[Document],
-    layers: &[Layer],
-) -> Result<Vec<Choice>> {
+fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
     let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
-    let names = |channel| full_names(documents, channel);
     let mappings = options.map.iter().chain(&options.features);
-    let part = |channel: Channel| documents[channel.file].part_name(channel.at.part);
     let mut choices: Vec<Choice> = Vec::new();
     for mapping in mappings {
         let target = target(&mapping.name, &further)?;
@@ -361,22 +355,29 @@ pub(super) fn mapped_choices(
             return Err(Error::new(ErrorKind::Usage, format!("'{}' is mapped twice", mapping.name))
                 .remedy("give every role once"));
         }
-        let channels = find(mapping, layers, names, part)?;
-        check_color(mapping, &target, channels.len())?;
-        choices.push(Choice { target, channels });
+        choices.push(mapped_choice(mapping, target, documents, layers)?);
     }
-    match choices.iter().find(|choice| {
-        choice.target.role == Role::Color
-            && choice.target.statistic == Statistic::Mean
-            && choice
-                .channels
-                .iter()
-                .any(|channel| channel.file != 0 || channel.at.part != choice.channels[0].at.part)
-    }) {
-        None => Ok(choices),
-        Some(_) => Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
-            .remedy("name the file that is to be written again first")),
+    Ok(choices)
+}
+
+/// What `mapping` gives the role that it means by its name.
+pub(super) fn mapped_choice(
+    mapping: &Mapping,
+    target: Target,
+    documents: &[Document],
+    layers: &[Layer],
+) -> Result<Choice> {
+    let names = |channel| full_names(documents, channel);
+    let part = |channel: Channel| documents[channel.file].part_name(channel.at.part);
+    let channels = find(mapping, layers, names, part)?;
+    check_color(mapping, &target, channels.len())?;
+    let is_color = target.role == Role::Color && target.statistic == Statistic::Mean;
+    let elsewhere = |channel: &Channel| channel.file != 0 || channel.at.part != channels[0].at.part;
+    if is_color && channels.iter().any(elsewhere) {
+        return Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
+            .remedy("name the file that is to be written again first"));
     }
+    Ok(Choice { target, channels })
 }
 
 /// Refuses colours of two channels, and of more than three.
@@ -406,13 +407,14 @@ pub(super) fn told_name(documents: &[Document], channel: Channel) -> String {
     if parts > 1 && !has_it { names.pop().unwrap_or_default() } else { names.swap_remove(0) }
 }
 
-pub(super) fn no_color(layers: &[Layer]) -> Error {
+/// `role` is what the user maps the colour by.
+pub(super) fn no_color(layers: &[Layer], role: &str) -> Error {
     /// Enough to recognise the file, few enough for a message.
     const NAMED: usize = 12;
     let bare = layers.iter().filter(|layer| layer.name.is_empty()).flat_map(|layer| &layer.components);
     if bare.into_iter().any(|(component, _)| ["Y", "RY", "BY"].contains(&component.as_str())) {
         return Error::new(ErrorKind::Unreadable, "stores luminance (and chroma) where RGB was expected")
-            .remedy("convert it to RGB, or denoise the luminance alone by --map color=Y");
+            .remedy(format!("convert it to RGB, or take the luminance alone by --map {role}=Y"));
     }
     let names: Vec<&str> = layers.iter().take(NAMED).map(|layer| layer.name.as_str()).collect();
     let more = if layers.len() > NAMED { ", …" } else { "" };
@@ -420,7 +422,7 @@ pub(super) fn no_color(layers: &[Layer]) -> Error {
         ErrorKind::Lacking,
         format!("no colour was found; the layers are '{}'{more}", names.join("', '")),
     )
-    .remedy("name it by --map color=LAYER")
+    .remedy(format!("name it by --map {role}=LAYER"))
 }
 
 fn describe(

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use apr::error::{Error, ErrorKind, Result};
 use apr::image::Rgb;
-use apr::io::{self, Beauty, Mapping, RunFile};
+use apr::io::{self, Beauty, Mapping, Picture, ReadOptions, RunFile};
 use apr::metrics::{self, Scores};
 use apr::report::png;
 
 use crate::answer::complain;
-use crate::foreign;
+use crate::{foreign, noise};
 
 /// What to compare, and how to show it.
 #[derive(clap::Args)]
@@ -72,14 +72,19 @@ pub fn run(arguments: &CompareArguments) -> Result<String> {
         let pictures: Vec<&Rgb> = results.iter().chain([&reference]).collect();
         io::write_bytes(path, &png::side_by_side(&pictures)?)?;
     }
-    if arguments.json { json(arguments, &paths, &compared, &scores) } else { Ok(table(&paths, &scores)) }
+    let noise = compared.reference_noise(arguments)?;
+    if arguments.json {
+        json(arguments, &paths, &compared, &scores, noise)
+    } else {
+        Ok(table(&paths, &scores, noise))
+    }
 }
 
 impl Compared {
     fn new(arguments: &CompareArguments, paths: &[&Path]) -> Result<Self> {
-        let (of_results, of_reference) = mappings(&arguments.map)?;
-        let reference = Beauty::find(&arguments.reference, &of_reference)?;
-        let found = paths.iter().map(|path| Beauty::find(path, &of_results));
+        let [of_results, of_reference] = mapped(&arguments.map)?;
+        let reference = Beauty::find(&arguments.reference, REFERENCE, of_reference.or(of_results))?;
+        let found = paths.iter().map(|path| Beauty::find(path, COLOR, of_results));
         let results = found.collect::<Result<Vec<_>>>()?;
         let window = results
             .iter()
@@ -87,13 +92,26 @@ impl Compared {
         Ok(Self { window, reference, results })
     }
 
+    /// What the reference's own noise adds to relMSE; none where it does not tell, or other pixels or channels are
+    /// compared than it is read by.
+    fn reference_noise(&self, arguments: &CompareArguments) -> Result<Option<f64>> {
+        let plain = self.window == self.reference.window() && self.reference.noisy().is_empty();
+        if !plain || !arguments.map.is_empty() {
+            return Ok(None);
+        }
+        // What is wrong with other channels than the colour's is no hindrance.
+        let picture = Picture::read(&arguments.reference, &ReadOptions::default());
+        picture.map_or(Ok(None), |picture| noise::of(picture.frame()))
+    }
+
     /// What is compared where that is not plain.
     fn notes(&self, arguments: &CompareArguments, paths: &[&Path]) -> Vec<String> {
-        let paths = paths.iter().copied().chain([arguments.reference.as_path()]);
-        let files: Vec<_> = paths.zip(self.results.iter().chain([&self.reference])).collect();
-        let larger = files.iter().filter(|(_, file)| file.window() != self.window);
+        let results = paths.iter().zip(&self.results).map(|(&path, result)| (path, result, COLOR));
+        let reference = (arguments.reference.as_path(), &self.reference, REFERENCE);
+        let files: Vec<_> = results.chain([reference]).collect();
+        let larger = files.iter().filter(|(_, file, _)| file.window() != self.window);
         let larger: Vec<String> =
-            larger.map(|(path, file)| format!("{} has {}", path.display(), text(file.window()))).collect();
+            larger.map(|(path, file, _)| format!("{} has {}", path.display(), text(file.window()))).collect();
         let window = (!larger.is_empty()).then(|| {
             format!(
                 "only the pixels that all have are compared, {}: {}",
@@ -101,18 +119,21 @@ impl Compared {
                 larger.join(", ")
             )
         });
-        let unsure = files.iter().filter(|(_, file)| arguments.map.is_empty() && !file.others().is_empty());
-        let unsure = unsure.map(|(path, file)| {
+        let unsure =
+            files.iter().filter(|(_, file, _)| arguments.map.is_empty() && !file.others().is_empty());
+        let unsure = unsure.map(|(path, file, role)| {
             let (channels, others) = (file.channels().join(", "), file.others().join("', '"));
             let path = path.display();
-            format!("{path}: {channels} are compared; '{others}' could be the colour as well: choose by --map color=…")
+            format!("{path}: {channels} are compared; '{others}' could be the colour as well: choose by --map {role}=…")
         });
-        let denoised = files.iter().filter(|(_, file)| arguments.map.is_empty() && !file.noisy().is_empty());
-        let denoised = denoised.map(|(path, file)| {
+        let denoised =
+            files.iter().filter(|(_, file, _)| arguments.map.is_empty() && !file.noisy().is_empty());
+        let denoised = denoised.map(|(path, file, role)| {
             let (channels, noisy) = (file.channels().join(", "), file.noisy().join(","));
+            let other = if *role == COLOR { REFERENCE } else { COLOR };
             format!(
                 "{}: {channels} are compared, which the renderer may have denoised: the noisy picture is in {noisy}; \
-                 compare it in a run of its own by --map color='{noisy}' --map reference=…",
+                 compare it in a run of its own by --map {role}='{noisy}' --map {other}=…",
                 path.display()
             )
         });
@@ -120,22 +141,29 @@ impl Compared {
     }
 }
 
-/// What is mapped in the results, and in the reference.
-fn mappings(map: &[Mapping]) -> Result<(Vec<Mapping>, Vec<Mapping>)> {
-    let is = |mapping: &&Mapping, name: &str| mapping.name.eq_ignore_ascii_case(name);
-    let color: Vec<Mapping> = map.iter().filter(|m| is(m, "color") || is(m, "colour")).cloned().collect();
-    let of_reference = map.iter().filter(|m| is(m, "reference"));
-    let of_reference: Vec<Mapping> =
-        of_reference.map(|m| Mapping { name: "color".to_owned(), ..m.clone() }).collect();
-    if let Some(other) = map.iter().find(|m| !["color", "colour", "reference"].iter().any(|name| is(m, name)))
-    {
-        let what = format!("--map: '{}' is nothing that is compared", other.name);
-        return Err(Error::new(ErrorKind::Usage, what).remedy(
-            "give color=CHANNELS, as in color=albedo, and reference=CHANNELS where the reference calls them otherwise",
-        ));
+/// What `--map` calls the picture of the results, and that of the reference.
+const COLOR: &str = "color";
+const REFERENCE: &str = "reference";
+
+/// The channels that are mapped in all files, and those in the reference alone.
+fn mapped(map: &[Mapping]) -> Result<[Option<&[String]>; 2]> {
+    let mut found = [None; 2];
+    for Mapping { name, channels } in map {
+        let refuse = |what: &str, remedy: &str| {
+            Err(Error::new(ErrorKind::Usage, format!("--map: '{name}' {what}")).remedy(remedy))
+        };
+        let is = |known: &str| name.eq_ignore_ascii_case(known);
+        let Some(n) = [is(COLOR) || is("colour"), is(REFERENCE)].iter().position(|is| *is) else {
+            return refuse(
+                "is nothing that is compared",
+                "give color=CHANNELS, as in color=albedo, and reference=CHANNELS where the reference calls them otherwise",
+            );
+        };
+        if found[n].replace(channels.as_slice()).is_some() {
+            return refuse("is mapped twice", "give each once");
+        }
     }
-    let reference = if of_reference.is_empty() { color.clone() } else { of_reference };
-    Ok((color, reference))
+    Ok(found)
 }
 
 /// Checks, before any work, that pictures can be written and destroy nothing.
@@ -164,22 +192,30 @@ fn heat_maps(results: &[Rgb], reference: &Rgb) -> Result<Vec<u8>> {
     png::heat_maps(&errors.iter().map(|measure| &measure.plane).collect::<Vec<_>>())
 }
 
-fn table(paths: &[&Path], scores: &[Scores]) -> String {
+fn table(paths: &[&Path], scores: &[Scores], noise: Option<f64>) -> String {
     let names: Vec<String> = paths.iter().map(|path| shown(path)).collect();
     let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max("result".len());
     let mut text = format!(
-        "{:width$}  {:>11}  {:>11}  {:>12}  {:>9}  {:>8}  {:>9}\n",
-        "result", "RMSE", "relMSE", "rel. trimmed", "SMAPE", "SSIM", "energy"
+        "{:width$}  {:>11}  {:>11}  {:>12}  {:>9}  {:>8}  {:>9}{}\n",
+        "result",
+        "RMSE",
+        "relMSE",
+        "rel. trimmed",
+        "SMAPE",
+        "SSIM",
+        "energy",
+        if noise.is_some() { "  relMSE less the reference's noise" } else { "" }
     );
     for (name, s) in names.iter().zip(scores) {
         text += &format!(
-            "{name:width$}  {:11.6}  {:11.6}  {:12.6}  {:9.5}  {:8.5}  {:+8.3}%\n",
+            "{name:width$}  {:11.6}  {:11.6}  {:12.6}  {:9.5}  {:8.5}  {:+8.3}%{}\n",
             s.rmse,
             s.rel_mse,
             s.trimmed_rel_mse,
             s.smape,
             s.ssim,
-            100.0 * s.energy
+            100.0 * s.energy,
+            noise.map_or_else(String::new, |noise| format!("  {:33.6}", s.rel_mse - noise))
         );
     }
     text
@@ -190,6 +226,7 @@ fn json(
     paths: &[&Path],
     compared: &Compared,
     scores: &[Scores],
+    reference_noise: Option<f64>,
 ) -> Result<String> {
     #[derive(serde::Serialize)]
     struct Row<'a> {
@@ -204,6 +241,8 @@ fn json(
         channels: &'a [String],
         /// x, y, width and height of what is compared.
         window: [i64; 4],
+        /// What the reference's own noise adds to every `rel_mse`, where it tells.
+        reference_noise: Option<f64>,
         results: Vec<Row<'a>>,
     }
     let rows = paths.iter().zip(&compared.results).zip(scores);
@@ -216,6 +255,7 @@ fn json(
         reference: shown(&arguments.reference),
         channels: compared.reference.channels(),
         window: compared.window,
+        reference_noise,
         results: results.collect(),
     })
 }

@@ -10,6 +10,7 @@ mod failure;
 mod foreign;
 #[path = "../apr-denoise/generate.rs"]
 mod generate;
+mod noise;
 #[path = "../apr-denoise/numbers.rs"]
 mod numbers;
 mod processor;
@@ -29,7 +30,8 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 /// Compare denoised pictures with a reference.
 ///
 /// Prints RMSE, relMSE (epsilon 0.01), relMSE without the worst 0.1 % of the pixels, SMAPE, SSIM of
-/// the tone-mapped luminance, and the difference in energy. A pixel that is NaN or infinite is an
+/// the tone-mapped luminance, and the difference in energy; and relMSE less the reference's own noise, where the reference
+/// has half buffers or a variance. A pixel that is NaN or infinite is an
 /// error. Where data windows differ, as after --region, the pixels that all files have are compared.
 #[derive(Parser)]
 #[command(name = "apr-compare", version, after_help = EXIT_CODES)]

@@ -15,8 +15,8 @@ use serde::Deserialize;
 use crate::answer::complain;
 use crate::foreign;
 use crate::numbers::positive;
-use crate::processor;
 use crate::variants::{Variant, read_text, variants};
+use crate::{noise, processor};
 
 /// Show what accuracy costs in time: run many settings on renders of one scene, and write a page.
 ///
@@ -89,7 +89,7 @@ pub fn run(arguments: &SweepArguments) -> Result<String> {
         .collect::<Result<Vec<_>>>()?;
     let sweep = Sweep {
         reference: arguments.reference.display().to_string(),
-        reference_noise: reference_noise(reference_file.frame())?,
+        reference_noise: noise::of(reference_file.frame())?,
         inputs,
         sample_seconds: arguments.sample_seconds,
     };
@@ -105,13 +105,6 @@ fn names(paths: &[PathBuf]) -> impl Iterator<Item = String> {
         if differ { stem.to_string_lossy().into_owned() } else { path.display().to_string() }
     };
     paths.iter().zip(stems).map(name)
-}
-
-/// relMSE between the truth and a reference with halves A and B: A differs from their mean by
-/// (A − B) / 2, whose variance is that of the mean.
-fn reference_noise(reference: &Frame) -> Result<Option<f64>> {
-    let noise = |halves: &[Rgb; 2]| metrics::rel_mse(&halves[0], reference.color()).map(|m| m.value);
-    reference.halves().map(noise).transpose()
 }
 
 /// One input on trial.
