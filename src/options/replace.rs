@@ -31,19 +31,37 @@ pub(crate) fn replaced<T: serde::Serialize>(
     parse: impl FnOnce(Value) -> serde_json::Result<T>,
 ) -> Result<T> {
     let usage = |what: String| Error::new(ErrorKind::Usage, what);
-    let mut value =
-        serde_json::to_value(options).map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
+    // By way of text, which has single precision's numbers as people write them.
+    let text = serde_json::to_string(options);
+    let mut value: Value = text
+        .and_then(|text| serde_json::from_str(&text))
+        .map_err(|error| Error::new(ErrorKind::Internal, error.to_string()))?;
     let path: Vec<&str> = key.trim().split('.').collect();
     let known = likest(key.trim(), &value);
     let slot = value.pointer_mut(&format!("/{}", path.join("/")));
     let slot = slot.ok_or_else(|| usage(format!("there is no option '{key}'")).remedy(known))?;
     let given = new.to_string();
-    *slot = new;
+    let old = std::mem::replace(slot, new);
     parse(value).map_err(|error| {
-        // Serde names types of Rust, which say little to others.
-        let why = error.to_string().replace("expected usize", "expected a whole number");
+        let why = error.to_string();
+        // Serde knows the names that may be there, but of types it knows only Rust's.
+        let is_name = ["unknown", "missing", "duplicate"].iter().any(|start| why.starts_with(start));
+        let why = if is_name { why } else { format!("{} was expected, such as {key}={old}", kind(&old)) };
         usage(format!("the options make no sense with {key}={given}: {why}")).remedy(ALL_TOLD)
     })
+}
+
+/// In words, what an option is that has been `value` so far.
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Bool(_) => "true or false",
+        Value::Number(number) if number.is_u64() => "a whole number",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a name",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "a group of options",
+        Value::Null => "another value",
+    }
 }
 
 /// In words, the options of `all` whose names are the likest to `wanted`.
@@ -85,6 +103,20 @@ mod tests {
         let told = |key: &str, new: Value| Options::default().with(key, new).unwrap_err().to_string();
         let fraction = told("window_radius", 7.5.into());
         assert!(fraction.contains("window_radius=7.5") && fraction.contains("a whole number"), "{fraction}");
+        for (key, new, words) in [
+            ("window_radius", "two".into(), "a whole number was expected, such as window_radius=7"),
+            ("window_radius", Value::from(-1), "a whole number was expected"),
+            ("tolerance", "two".into(), "a number was expected, such as tolerance=0.12"),
+            ("coarse", Value::from(1), "true or false was expected, such as coarse=true"),
+            ("bandwidths", Value::from(0.7), "a list was expected, such as bandwidths=[1.0]"),
+            ("outliers", Value::from(0.7), "a group of options was expected, such as outliers={"),
+            ("order_choice", Value::from(1), "a name was expected, such as order_choice=\"shrink\""),
+            ("features", "albedo".into(), "a list was expected, such as features=[\"normal\","),
+            ("features", Value::from(vec!["hue"]), "unknown variant `hue`, expected one of"),
+        ] {
+            let told = told(key, new);
+            assert!(told.contains(words) && told.ends_with(ALL_TOLD), "{told}");
+        }
         for (key, likest) in [
             ("outliers.enabld", "outliers.enabled"),
             ("windowradius", "window_radius"),
