@@ -238,7 +238,7 @@ fn what_is_done_is_skipped_unless_it_was_made_otherwise() {
 
     let (_, complaint) = shot.expect(2, &[&again[..], &["--set", "outliers.radius=3"]].concat());
     assert!(
-        complaint.contains("den.0001.exr: was made otherwise: its options.outliers.radius"),
+        complaint.contains("den.0001.exr: was made otherwise: with another --set outliers.radius"),
         "{complaint}"
     );
     assert!(complaint.contains("frames 1-3") && complaint.contains("--overwrite"), "{complaint}");
@@ -498,12 +498,16 @@ fn names_that_would_lose_something_are_refused() {
     let shot = Shot::new(&[1, 2]);
     shot.render("half", 1);
     let renders = [1, 2].map(|frame| shot.bytes(&format!("shot.{frame:04}.exr")));
-    let cases: [(&[&str], &str); 17] = [
+    let cases: [(&[&str], &str); 18] = [
         (
             &["shot.####.exr", "den.exr"],
             "den.exr: several results would be written here: the name has no place",
         ),
         (&["shot.####.exr", "den.####.exr", "--report", "rep.json"], "--sequence-report"),
+        (
+            &["shot.####.exr", "den.####.exr", "--sequence-report", "all.####.json"],
+            "all.####.json: has a place for the frame's number, and --sequence-report is one file",
+        ),
         (&["shot.####.exr", "den.####.exr", "--report", "den.####.exr"], "several results"),
         (&["shot.####.exr", "den.####.exr", "--half", "half.0001.exr"], "one file for many"),
         (

@@ -270,6 +270,12 @@ impl Plan {
         if let Some(path) = arguments.sequence_report.as_deref().filter(|path| is_printed(path)) {
             return Err(usage("the report of all frames is not printed").remedy("name a file").in_file(path));
         }
+        let each = |path: &&Path| Pattern::parse(path).is_some();
+        if let Some(path) = arguments.sequence_report.as_deref().filter(each) {
+            return Err(usage("has a place for the frame's number, and --sequence-report is one file for all frames")
+                .remedy("name it without #, @@, %d, $F and <frame>, or give --report 'rep.####.json' for one of each frame")
+                .in_file(path));
+        }
         let Names { output, report, sampling_map, .. } = &self.names;
         let report = report.as_ref().filter(|name| !matches!(name, Name::One(path) if is_printed(path)));
         let one = |name: &&Name| matches!(name, Name::One(_));

@@ -74,7 +74,9 @@ pub fn difference(found: Option<&str>, wanted: &str, in_place: bool) -> Differen
     let (content, settings): (Vec<&str>, Vec<&str>) =
         keys.iter().map(String::as_str).partition(|key| is_content(key));
     if !settings.is_empty() {
-        return Difference::Settings(format!("its {} differed", settings.join(", ")));
+        let mut names: Vec<String> = settings.into_iter().map(named).collect();
+        names.dedup();
+        return Difference::Settings(format!("with another {}", names.join(", another ")));
     }
     let replaced = |key: &&str| in_place && [INPUTS, "inputs.0"].contains(key);
     match content.iter().find(|key| !replaced(key)) {
@@ -83,6 +85,15 @@ pub fn difference(found: Option<&str>, wanted: &str, in_place: bool) -> Differen
             Difference::Settings("a file of --half or --with has changed since".to_owned())
         }
         Some(_) => Difference::Content,
+    }
+}
+
+/// What the user knows the setting of this key by.
+fn named(key: &str) -> String {
+    match (key.split_once('.').unwrap_or((key, "")), key) {
+        (("options", option), _) if !option.is_empty() => format!("--set {option}"),
+        (_, "program" | "version") => key.to_owned(),
+        ((option, _), _) => format!("--{option}"),
     }
 }
 
@@ -132,13 +143,17 @@ mod tests {
 
     #[test]
     fn differences_are_named_by_their_keys() {
-        let (a, b) =
-            (r#"{"a": 1, "o": {"x": 1, "y": [2, 3]}}"#, r#"{"a": 1, "o": {"x": 2, "y": [2, 4], "z": 0}}"#);
+        let (a, b) = (
+            r#"{"version": 1, "map": [1, 2], "temporal": 0, "options": {"x": 1, "y": [2, 3]}}"#,
+            r#"{"version": 2, "map": [3, 4], "temporal": 1, "options": {"x": 2, "y": [2, 4], "z": 0}}"#,
+        );
         let told = |found, wanted| match difference(found, wanted, false) {
             Difference::Settings(words) => words,
             other => panic!("{other:?}"),
         };
-        assert_eq!(told(Some(a), b), "its o.x, o.y.1, o.z differed");
+        let all =
+            "--map, another --set x, another --set y.1, another --set z, another --temporal, another version";
+        assert_eq!(told(Some(a), b), format!("with another {all}"));
         assert_eq!(told(None, b), "this program did not write it");
         assert_eq!(told(Some("?"), b), "its settings are not legible");
     }
