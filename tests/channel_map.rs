@@ -336,6 +336,31 @@ fn variance_of_one_sample_is_divided_by_the_samples() {
 }
 
 #[test]
+fn what_is_said_of_variances_that_are_not_there_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |names: &[&str], kind, spp| {
+        let options = ReadOptions { variance_kind: kind, spp, ..ReadOptions::default() };
+        let layout = picture(folder.path(), names, &[], &options).layout().clone();
+        let has = |words: &str, all: &[String]| all.iter().any(|line| line.starts_with(words));
+        (
+            has("--variance-kind is of no use", &layout.warnings),
+            has("--spp changes no variance", &layout.notes),
+        )
+    };
+    let plain = ["R", "G", "B"];
+    let variance = ["R", "G", "B", "variance.R", "variance.G", "variance.B"];
+    let half = ["R", "G", "B", "halfA.R", "halfA.G", "halfA.B"];
+    let (stddev, halves) = (Some(VarianceKind::Stddev), Some(VarianceKind::Halves));
+    assert_eq!(told(&plain, None, None), (false, false));
+    assert_eq!(told(&plain, stddev, Some(4.0)), (true, true));
+    assert_eq!(told(&plain, halves, None), (true, false));
+    assert_eq!(told(&variance, stddev, Some(4.0)), (false, false));
+    assert_eq!(told(&variance, halves, None), (true, false));
+    assert_eq!(told(&half, halves, Some(4.0)), (false, true));
+    assert_eq!(told(&half, stddev, None), (true, false));
+}
+
+#[test]
 fn the_user_maps_adds_and_takes_away() {
     let folder = tempfile::tempdir().unwrap();
     let names =
@@ -375,15 +400,11 @@ fn the_end_of_one_name_stands_for_it() {
         map: map.iter().map(|m| m.parse().unwrap()).collect(),
         ..Default::default()
     };
-    let picture = picture(
-        folder.path(),
-        &names,
-        &[],
-        &options(&["color=KEY", "albedo=key.G,key.R,key.B", "normal=M.nrm"]),
-    );
-    let expected =
-        ["color mean: L.key.R", "albedo mean: L.key.G", "normal mean: M.nrm.X", "depth mean: depth.Z"];
-    assert_eq!(roles(&picture), expected);
+    for (color, first) in [("color=KEY", "L.key.R"), ("color=key.G,key.R,key.B", "L.key.G")] {
+        let picture = picture(folder.path(), &names, &[], &options(&[color, "normal=M.nrm"]));
+        let expected = [&format!("color mean: {first}"), "normal mean: M.nrm.X", "depth mean: depth.Z"];
+        assert_eq!(roles(&picture), expected);
+    }
     let refused = |map| {
         let path = folder.path().join("render.exr");
         Picture::read(path, &options(&[map])).unwrap_err().to_string()

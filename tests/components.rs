@@ -59,6 +59,10 @@ fn the_light_groups_of_a_cycles_file_sum_before_and_after() {
     let folder = tempfile::tempdir().unwrap();
     let (input, output) = (fixture("blender/room_seed1.exr"), folder.path().join("out.exr"));
     let options = ReadOptions { half: Some(fixture("blender/room_seed2.exr")), ..auto() };
+    assert_eq!(
+        promised(&input, ReadOptions::default()),
+        ["ViewLayer.Combined_key", "ViewLayer.Combined_rim"]
+    );
     let picture = Picture::read(&input, &options).unwrap();
     let [check] = &picture.layout().sums[..] else { panic!("{:?}", picture.layout().sums) };
     assert_eq!(check.layers, ["ViewLayer.Combined_key", "ViewLayer.Combined_rim"]);
@@ -224,7 +228,37 @@ fn what_does_not_sum_is_denoised_all_the_same_and_said() {
     // Unasked nothing is touched, but the reader is told.
     let picture = Picture::read(&path, &ReadOptions::default()).unwrap();
     assert!(picture.frame().aovs().is_empty());
-    assert!(picture.layout().notes.iter().any(|note| note.contains("--aov auto")));
+    assert_eq!(promised(&path, ReadOptions::default()), ["RGBA_key"]);
+}
+
+/// What `--aov auto` would take, as the notes of a reading by `options`, which ask for no component, tell it; no more and
+/// no less is taken.
+fn promised(path: &Path, options: ReadOptions) -> Vec<String> {
+    let auto = ReadOptions { aovs: auto().aovs, ..options.clone() };
+    let notes = Picture::read(path, &options).unwrap().layout().notes.clone();
+    let promise = notes.iter().find_map(|note| note.strip_prefix("passing through as they are: '"));
+    let (names, _) = promise.expect("a promise").split_once("'; --aov auto denoises them").unwrap();
+    let names: Vec<String> = names.split("', '").map(str::to_owned).collect();
+    let picture = Picture::read(path, &auto).unwrap();
+    assert_eq!(
+        picture.frame().aovs().iter().map(|aov| &aov.name).collect::<Vec<_>>(),
+        names.iter().collect::<Vec<_>>()
+    );
+    names
+}
+
+#[test]
+fn what_plays_another_role_is_no_component() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let names = ["", "light_a.", "light_b.", "light_c."];
+    let names: Vec<String> =
+        names.iter().flat_map(|layer| ["R", "G", "B"].map(|c| format!("{layer}{c}"))).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    write_one(&path, layer(None, (9, 8), (0, 0), scan_lines(Compression::ZIP16), channels((9, 8), &names)));
+    assert_eq!(promised(&path, ReadOptions::default()), ["light_a", "light_b", "light_c"]);
+    let albedo = ReadOptions { map: vec!["albedo=light_b".parse().unwrap()], ..ReadOptions::default() };
+    assert_eq!(promised(&path, albedo), ["light_a", "light_c"]);
 }
 
 #[test]
@@ -266,8 +300,8 @@ fn a_renderers_own_set_is_the_only_one_and_its_features_are_no_components() {
     assert_eq!(layout.sums.iter().map(|sum| sum.set.as_str()).collect::<Vec<_>>(), ["back to beauty"]);
     assert_eq!(layout.sums[0].layers, names[..4]);
     assert!(layout.warnings.iter().all(|warning| !warning.contains("do not sum")), "{:?}", layout.warnings);
-    let told = vray(&[]).notes.into_iter().find(|note| note.contains("--aov auto")).unwrap();
-    assert!(told.contains("'SSS'") && !told.contains("'diffuse'"), "{told}");
+    let plain = ReadOptions { profile: Some(Renderer::VRay), ..ReadOptions::default() };
+    assert_eq!(promised(&path, plain), names[..4]);
 }
 
 #[test]

@@ -201,9 +201,11 @@ impl Asked {
         self.named.iter().chain(sets).chain(further).flat_map(|component| component.channels.clone())
     }
 
-    /// The names of what would be taken by itself.
-    pub(super) fn automatic(&self) -> Vec<String> {
-        self.sets.iter().flat_map(|set| &set.components).map(|component| component.name.clone()).collect()
+    /// The names of what [`Self::settle`] would take by its name, where the channels `used` play other roles.
+    pub(super) fn automatic(&self, used: &BTreeSet<Channel>) -> Vec<String> {
+        let free = |component: &&Component| component.channels.iter().all(|channel| !used.contains(channel));
+        let components = self.sets.iter().flat_map(|set| &set.components).filter(free);
+        components.map(|component| component.name.clone()).collect()
     }
 
     fn by_number(&self) -> bool {

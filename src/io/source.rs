@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
 use super::bounds;
-use super::channels::{Renderer, Role, Statistic, UNSURE};
+use super::channels::{Renderer, Role, Statistic, UNSURE, VarianceKind};
 use super::components::{Asked, Sum};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
@@ -116,6 +116,7 @@ impl Source {
         check_windows(&documents, &cast.choices, window)?;
         useful.extend(files_of(cast.choices.iter()));
         warn_of_useless(&documents[..=options.with.len()], &useful, &mut remarks);
+        warn_of_needless(options, &cast.choices, &mut remarks);
         leave_out_variances(&mut cast.choices, &documents, &statistics, &mut remarks);
         note_windows(&documents, &cast.choices, window, &mut remarks);
         note_bounds(&cast.choices, &statistics, &mut remarks);
@@ -128,7 +129,9 @@ impl Source {
         note_other_colors(&casting.other_colors(&color), &mut remarks);
         remarks.notes.extend(Asked::note(&sums, &options.aovs));
         if options.aovs.is_empty() {
-            note_components(&components(&["auto".to_owned()])?.automatic(), &mut remarks);
+            let used: BTreeSet<Channel> =
+                cast.choices.iter().flat_map(|choice| choice.channels.clone()).collect();
+            note_components(&components(&["auto".to_owned()])?.automatic(&used), &mut remarks);
         }
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
@@ -586,12 +589,37 @@ fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBound
     }
 }
 
+/// Tells of what the user says about variances where there is none to say it of.
+fn warn_of_needless(options: &ReadOptions, choices: &[Choice], remarks: &mut Remarks) {
+    let has = |is: fn(&Statistic) -> bool| choices.iter().any(|choice| is(&choice.target.statistic));
+    let variances = has(|statistic| matches!(statistic, Statistic::Variance(_)));
+    let needless = match options.variance_kind {
+        None => false,
+        Some(VarianceKind::Halves) => {
+            !has(|it| matches!(it, Statistic::HalfA | Statistic::HalfB)) && options.half.is_none()
+        }
+        Some(_) => !variances,
+    };
+    if needless {
+        remarks.warnings.push(
+            "--variance-kind is of no use: nothing that it could be said of was found; name it by --map variance=… or \
+             --map halfA=…"
+                .to_owned(),
+        );
+    }
+    if options.spp.is_some() && !variances {
+        remarks
+            .notes
+            .push("--spp changes no variance: none was found; name it by --map variance=…".to_owned());
+    }
+}
+
 fn note_components(found: &[String], remarks: &mut Remarks) {
     if !found.is_empty() {
         let mut told = BTreeSet::new(); // one may be of several sums
         let names: Vec<&str> = found.iter().map(String::as_str).filter(|name| told.insert(*name)).collect();
         remarks.notes.push(format!(
-            "passing through as they are: '{}'; --aov auto denoises them with the beauty, so that they sum to it",
+            "passing through as they are: '{}'; --aov auto denoises them with the beauty, so that what sums to it still does",
             names.join("', '")
         ));
     }
