@@ -52,7 +52,7 @@ fn a_run_answers_with_progress_and_writes_a_report() {
     let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     assert_eq!(report["layout"]["roles"][1]["statistic"], "variance of the mean");
     assert_eq!(report["layout"]["samples_per_pixel"], 16.0);
-    assert!(report["layout"]["missing"].as_array().unwrap().contains(&"normal".into()));
+    assert_eq!(report["layout"]["missing"], json!(["normal", "depth"]));
     let stages = report["stages"].as_array().unwrap();
     let named = |name: &str| stages.iter().find(|stage| stage["stage"] == name).unwrap();
     assert!(named("read")["seconds"].as_f64().unwrap() > 0.0);
@@ -159,7 +159,19 @@ fn inspection_tells_roles_and_ranges_and_writes_nothing() {
         text.contains("regression on the pixel's position, albedo with the variance of the file"),
         "{text}"
     );
-    assert!(text.contains("done without: halves, normal, position, depth, visibility"), "{text}");
+    // Only what would be used.
+    let without = |more: &[&str]| {
+        let (_, text, _) = run(program().arg("--inspect").arg(&input).args(more));
+        text.lines()
+            .find_map(|line| line.strip_prefix("done without: ").map(str::to_owned))
+            .unwrap_or_default()
+    };
+    assert_eq!(without(&[]), "normal, depth");
+    assert_eq!(without(&["--set", r#"features=["albedo","position"]"#]), "position");
+    assert_eq!(without(&["--set", r#"features=["albedo"]"#]), "");
+    assert_eq!(without(&["--method", "nlm"]), "halves");
+    assert_eq!(without(&["--method", "nfor"]), "halves, normal, depth");
+    assert_eq!(without(&["--method", "wavelet", "--map", "variance=none"]), "variance, halves");
     let (_, json, _) = run(program().args(["--inspect", "--json"]).arg(&input));
     let json: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(json["size"], serde_json::json!([SIZE.0, SIZE.1]));
@@ -169,6 +181,19 @@ fn inspection_tells_roles_and_ranges_and_writes_nothing() {
     assert_eq!(color["min"].as_f64().unwrap() as f32, least);
     assert!(json["options"].is_object());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+}
+
+/// Whether or not this run is to use them.
+#[test]
+fn inspection_tells_motion_vectors() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("in.exr");
+    let names = ["R", "G", "B", "motionPrevious.X", "motionPrevious.Y"];
+    write_one(&path, layer(None, SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names)));
+    let (code, text, said) = run(program().arg("--inspect").arg(&path));
+    assert_eq!(code, 0, "{said}");
+    let line = text.lines().find(|line| line.starts_with("  motionPrevious ")).expect(&text);
+    assert!(line.contains("motionPrevious.X, motionPrevious.Y"), "{line}");
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::denoise::Facts;
 use crate::denoise::exposure::{expose, unexpose_error};
 use crate::denoise::sanitize::{self, Clean};
 use crate::denoise::{prefilter, variance};
-use crate::frame::{Aov, Denoised, Feature, Frame, Summary};
+use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use crate::options::{Options, PrefilterOptions};
 use std::borrow::Cow;
@@ -32,6 +32,11 @@ pub struct Output {
     pub order: f32,
     /// Where the method would sample next.
     pub sampling_priority: Option<Plane>,
+}
+
+/// The kinds of features that methods with no choice of their own look at: those that the pipeline fits by default.
+pub fn kinds() -> Vec<FeatureKind> {
+    Options::default().features
 }
 
 impl<'a> Input<'a> {
@@ -70,7 +75,7 @@ impl<'a> Input<'a> {
 
     /// The features of the kinds that a regression uses, the pipeline's by default, each with its number in the frame.
     pub fn feature_list(&self) -> impl Iterator<Item = (usize, &Feature)> {
-        let kinds = Options::default().features;
+        let kinds = kinds();
         self.clean
             .features
             .iter()

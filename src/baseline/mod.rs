@@ -23,7 +23,7 @@ pub mod wavelet;
 
 use crate::denoise::{Facts, Neighbours, Observer, Part, denoise_in_sequence, denoise_part};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{Denoised, Frame};
+use crate::frame::{Denoised, FeatureKind, Frame};
 use crate::options::{Key, Options, replaced};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
@@ -155,6 +155,20 @@ impl Denoiser {
             Self::Apr(options) | Self::Student(options) => Some(options),
             _ => None,
         }
+    }
+
+    /// Whether the method looks at features of this kind.
+    pub fn fits(&self, kind: FeatureKind) -> bool {
+        match self {
+            Self::Apr(options) | Self::Student(options) => options.features.contains(&kind),
+            Self::Lp(_) | Self::Nfor(_) => input::kinds().contains(&kind),
+            Self::Nlm(_) | Self::Wavelet(_) => false,
+        }
+    }
+
+    /// Whether half buffers are of use beside a variance: each half is filtered by the other.
+    pub fn crosses_halves(&self) -> bool {
+        matches!(self, Self::Nlm(_) | Self::Nfor(_))
     }
 
     /// Whether the error in `denoised`, a result of this method, is an estimate. Of the others than the pipeline those that

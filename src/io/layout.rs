@@ -4,11 +4,11 @@ use serde::Serialize;
 
 use super::channels::{Renderer, Role, Statistic, VarianceKind};
 use super::document::Document;
-use super::mapping::FLOWS;
+use super::mapping::{FEATURES, FLOWS};
 use super::roles::Choice;
 use super::statistics::Statistics;
 use super::sums::SumCheck;
-use crate::frame::Frame;
+use crate::frame::{FeatureKind, Frame};
 
 /// What was found, and what it means for the denoiser.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -25,7 +25,7 @@ pub struct Layout {
     pub samples_per_pixel: Option<f32>,
     /// The channels that play a role; all others pass through.
     pub roles: Vec<RoleLayout>,
-    /// Roles that nothing plays, which is done without.
+    /// Roles that nothing plays, which is done without; see [`Self::wanting`].
     pub missing: Vec<String>,
     /// Components of the beauty that ought to sum to it, and whether they do before anything is denoised.
     pub sums: Vec<SumCheck>,
@@ -98,6 +98,20 @@ impl Default for Layout {
 }
 
 impl Layout {
+    /// The same with only that named as missing which would be used: features of the kinds that are `fitted`, and halves
+    /// beside a variance where the method `crosses` them.
+    #[must_use]
+    pub fn wanting(&self, fitted: impl Fn(FeatureKind) -> bool, crosses: bool) -> Self {
+        let has_variance = !self.missing.iter().any(|name| name == "variance");
+        let kind = |name: &str| FEATURES.iter().find(|(known, _)| *known == name).map(|(_, kind)| *kind);
+        let helps = |name: &String| match kind(name) {
+            Some(kind) => fitted(kind),
+            None => crosses || name != "halves" || !has_variance,
+        };
+        let missing = self.missing.iter().filter(|name| helps(name)).cloned().collect();
+        Self { missing, ..self.clone() }
+    }
+
     /// Adds what `frame`, which came of it all, has and lacks.
     pub(super) fn complete(&mut self, frame: &Frame) {
         self.samples_per_pixel = frame.spp();
@@ -114,7 +128,7 @@ impl Layout {
         if frame.halves().is_none() {
             self.missing.push("halves".to_owned());
         }
-        for (name, kind) in super::mapping::FEATURES {
+        for (name, kind) in FEATURES {
             if !frame.features().iter().any(|feature| feature.kind == kind) {
                 self.missing.push(name.to_owned());
             }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use apr::baseline::Denoiser;
 use apr::error::{Error, ErrorKind, Result};
-use apr::io::{Deviation, Layout, PartLayout, Picture, Renderer, RoleLayout, SumCheck};
+use apr::io::{Deviation, Layout, PartLayout, Picture, ReadOptions, Renderer, RoleLayout, SumCheck};
 use serde::Serialize;
 
 use crate::arguments::Arguments;
@@ -46,8 +46,10 @@ pub fn describe(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser) -> Resu
         frames: plan.jobs.iter().filter_map(|job| job.frame).collect::<FrameSet>().to_string(),
         missing: plan.missing.iter().filter_map(|(job, _)| job.frame).collect::<FrameSet>().to_string(),
     });
-    let picture = Picture::read(&job.input, &arguments.read_options(job))?;
-    let (layout, frame) = (picture.layout(), picture.frame());
+    // What there is, whether or not this run has a use for it.
+    let picture = Picture::read(&job.input, &ReadOptions { motion: true, ..arguments.read_options(job) })?;
+    let layout = &wanting(picture.layout(), denoiser);
+    let frame = picture.frame();
     let would_run = would_run(&picture, denoiser);
     let (width, height) = (frame.width(), frame.height());
     if arguments.json {
@@ -60,6 +62,11 @@ pub fn describe(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser) -> Resu
         format!("{}: {frames}{missing}\n", counted(count, "frame"))
     });
     Ok(frames + &text(layout, (width, height), &would_run))
+}
+
+/// `layout` with only that named as missing which the method would use.
+pub fn wanting(layout: &Layout, denoiser: &Denoiser) -> Layout {
+    layout.wanting(|kind| denoiser.fits(kind), denoiser.crosses_halves())
 }
 
 /// What of the pipeline this input and these options call for.

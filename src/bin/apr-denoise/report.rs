@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::clock::{Cost, name};
-use crate::inspect::sum_line;
+use crate::inspect::{sum_line, wanting};
 use crate::parts::{Output, Used};
 use crate::plan::Job;
 use crate::sampling::Sampling;
@@ -24,7 +24,7 @@ pub struct Report<'a> {
     /// Its number in a sequence.
     frame: Option<i32>,
     output: String,
-    layout: &'a Layout,
+    layout: Layout,
     method: &'static str,
     options: &'a Denoiser,
     /// Of all stages, wall clock.
@@ -84,7 +84,7 @@ impl<'a> Report<'a> {
             version: env!("CARGO_PKG_VERSION"),
             frame: job.frame,
             output: job.output.display().to_string(),
-            layout,
+            layout: wanting(layout, denoiser),
             method: denoiser.method().name(),
             options: denoiser,
             seconds: stages.iter().map(|stage| stage.seconds).sum(),
@@ -111,7 +111,7 @@ impl<'a> Report<'a> {
 
     /// What the user should know of how it was written, and of what was repaired.
     pub fn notes(&self) -> Vec<String> {
-        self.notes.iter().cloned().chain(repaired(self.layout, self.summary)).collect()
+        self.notes.iter().cloned().chain(repaired(&self.layout, self.summary)).collect()
     }
 
     /// In one line for people, after one for each set of components.
