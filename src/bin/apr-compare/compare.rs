@@ -93,10 +93,11 @@ impl Compared {
     }
 
     /// What the reference's own noise adds to relMSE; none where it does not tell, or other pixels or channels are
-    /// compared than it is read by.
+    /// compared than it is read by, or it is a result itself, whose noise is no longer what it tells.
     fn reference_noise(&self, arguments: &CompareArguments) -> Result<Option<f64>> {
         let plain = self.window == self.reference.window() && self.reference.noisy().is_empty();
-        if !plain || !arguments.map.is_empty() {
+        let denoised = || io::provenance(&arguments.reference).is_ok_and(|found| found.signature.is_some());
+        if !plain || !arguments.map.is_empty() || denoised() {
             return Ok(None);
         }
         // What is wrong with other channels than the colour's is no hindrance.
