@@ -80,6 +80,8 @@ fn a_page_that_would_replace_what_it_is_made_of_is_refused() {
     assert!(code == Some(2) && said.contains("sweep.json: is an input as well as a result"), "{said}");
     let (code, said) = sweep(&["a b.exr", "a-b.exr"], &folder.path().join("page"));
     assert!(code == Some(2) && said.contains("time-a-b.svg: several results"), "{said}");
+    let (code, said) = sweep(&["a.exr", "b.exr", "./a.exr"], &folder.path().join("page"));
+    assert!(code == Some(2) && said.contains("./a.exr: is given twice among the inputs"), "{said}");
     // Nor may the pictures of two variants, or of a variant and the render, have one name.
     for [a, b] in [["b!", "b?"], ["twice", "twice"], ["plain", "noisy"]] {
         std::fs::write(&variants, format!(r#"[{{"name": "{a}"}}, {{"name": "{b}"}}]"#)).unwrap();

@@ -213,6 +213,13 @@ fn tell_of_strangers(arguments: &SweepArguments, rivals: &[Rival]) {
 /// Checks that the page, its charts and its pictures, whose names follow from those of inputs, variants and rivals,
 /// replace nothing that is read, nothing of somebody else's, and not one another.
 fn check_files(arguments: &SweepArguments, variants: &[Variant], rivals: &[Rival]) -> Result<()> {
+    let is_twice = |(n, input): &(usize, &PathBuf)| {
+        arguments.inputs[..*n].iter().any(|other| io::is_same_file(other, input))
+    };
+    if let Some((_, input)) = arguments.inputs.iter().enumerate().find(is_twice) {
+        let error = Error::new(ErrorKind::Usage, "is given twice among the inputs").in_file(input);
+        return Err(error.remedy("name every render once; --repeat runs every setting several times"));
+    }
     let charts = names(&arguments.inputs)
         .flat_map(|name| ["time", "calibration"].map(|chart| format!("{chart}-{}.svg", plain(&name))));
     let pages = ["index.html", "sweep.json", "samples.svg"].map(str::to_owned);
