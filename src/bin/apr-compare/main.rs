@@ -30,9 +30,8 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 /// Compare denoised pictures with a reference.
 ///
 /// Prints RMSE, relMSE (epsilon 0.01), relMSE without the worst 0.1 % of the pixels, SMAPE, SSIM of
-/// the tone-mapped luminance, and the difference in energy; and relMSE less the reference's own noise, where the reference
-/// has half buffers or a variance. A pixel that is NaN or infinite is an
-/// error. Where data windows differ, as after --region, the pixels that all files have are compared.
+/// the tone-mapped luminance, and the difference in energy; and relMSE less the reference's own noise,
+/// where the reference has half buffers or a variance. A pixel that is NaN or infinite is an error. Where data windows differ, as after --region, the pixels that all files have are compared.
 #[derive(Parser)]
 #[command(name = "apr-compare", version, after_help = EXIT_CODES)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
@@ -41,8 +40,8 @@ struct CommandLine {
     command: Option<Command>,
     #[command(flatten)]
     compare: Option<compare::CompareArguments>,
-    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. No number but
-    /// the seconds depends on it.
+    /// Use this many threads, but no more than there are cores, or than 8 where those are fewer [default: one per core].
+    /// No number but the seconds depends on it.
     #[arg(long, value_name = "N", global = true, value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
 }

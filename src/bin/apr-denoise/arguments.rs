@@ -111,8 +111,8 @@ pub struct Arguments {
     /// is a terminal, else the lines.
     #[arg(long, value_name = "HOW", value_enum, default_value_t = Style::Auto)]
     pub progress: Style,
-    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The result does
-    /// not depend on it.
+    /// Use this many threads, but no more than there are cores, or than 8 where those are fewer [default: one per core].
+    /// The result does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub threads: Option<u32>,
     /// Denoise this region alone: x and y of its first pixel, width and height, in the file's pixel

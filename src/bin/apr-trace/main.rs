@@ -96,8 +96,8 @@ struct Args {
     /// Seconds between checkpoints, as near as a pass over all pixels allows.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, requires = "reference")]
     checkpoint_every: f64,
-    /// Use this many threads, of which no more than cores (or eight) are started [default: one per core]. The picture does
-    /// not depend on it.
+    /// Use this many threads, but no more than there are cores, or than 8 where those are fewer [default: one per core].
+    /// The picture does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     threads: Option<u32>,
     /// Print which effects the scene calls for, and why, and stop.
