@@ -1,16 +1,19 @@
 //! One factorisation gives every order (nested Cholesky).
 //!
-//! The columns are taken in an order that tells what they are worth: by default the design's, in which the models nest:
-//! [1 | features | x, y | x², xy, y² | cubic]. With A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of
-//! size p_k holds all there is to know of the model with p_k columns: its coefficients, its residual Σ w y² − Σ z², its
-//! noise gain Σ d.
+//! With A = L Lᵀ, z_t = L⁻¹ b_t and d = diag(L⁻¹ B L⁻ᵀ) the leading block of size p_k holds all there is to know of the
+//! model with the first p_k columns: its coefficients, its residual Σ w y² − Σ z², its noise gain Σ d.
 //! In the basis of z the columns are orthonormal, so that leaving a model's last columns out, or
 //! shrinking them, is a multiplication of z.
+//!
+//! The columns have their turn in the design's order, in which the models nest:
+//! [1 | features | x, y | x², xy, y² | cubic]; or in that of [`super::pursuit`], and then not all of them.
 //!
 //! A is equilibrated to a unit diagonal first, and a column whose pivot falls under
 //! [`PIVOT_THRESHOLD`] is one that the columns before it explain: it is dropped (z = d = 0).
 
 use super::gram::Gram;
+use super::pursuit::Pursuit;
+use std::ops::Range;
 
 /// A pivot below this share of its column's energy counts as zero. The Gram matrices are good to 1e-6,
 /// so what is kept has at least three digits. `[choice]` 1e-4, 1e-3, 3e-3 and 1e-2: relMSE ×1.004, ×1, ×0.999 and ×1.003 on
@@ -25,31 +28,33 @@ const BLOCK: usize = 4;
 #[derive(Debug, Clone, Default)]
 pub struct Factor {
     p: usize,
+    /// Whether the columns had their turn in the design's order.
+    nested: bool,
     /// Which column each component belongs to.
     order: Vec<usize>,
-    /// 1/√A_ii, 0 for an empty column, in that order.
+    /// 1/√A_ii of every column, 0 for an empty one.
     scale: Vec<f64>,
-    /// L of the equilibrated A, row major; a dropped column has L_ii = 0.
-    l: Vec<f64>,
     /// L⁻¹ b, one row of p per right-hand side.
     z: Vec<f64>,
     /// diag(L⁻¹ B L⁻ᵀ).
     d: Vec<f64>,
-    /// Rows of A from the diagonal on, with b behind; row j, when it is done, is u: column j of L, then z_j.
+    /// For every component u, its column of L by the columns of the design, and its z behind.
     system: Rows,
-    /// Rows of B from the diagonal on; row j, when it is done, is v.
+    /// For every component v.
     noise: Rows,
-    /// The rows that are done and were not dropped.
+    /// The components that were not dropped.
     kept: Vec<Kept>,
-    /// Coefficients, one row of p per right-hand side; and those of one block of them side by side.
+    pursuit: Pursuit,
+    /// Coefficients, one row of p per right-hand side; and those of one block of them side by side, by components.
     beta: Vec<f64>,
     block: Vec<[f64; BLOCK]>,
 }
 
-/// What an earlier row takes out of the row at hand.
+/// A component, and what it takes out of the row at hand.
 #[derive(Debug, Clone, Copy, Default)]
 struct Kept {
     row: usize,
+    column: usize,
     /// Its u and v at the column of the row at hand.
     u: f64,
     v: f64,
@@ -107,87 +112,82 @@ macro_rules! with_blocks {
 }
 
 impl Factor {
-    /// Factorises `gram`, which has `p` columns and `r` right-hand sides, its columns in their order.
+    /// Factorises `gram`, which has `p` columns and `r` right-hand sides, in the design's order.
     #[inline(always)]
     pub fn factorise(&mut self, gram: &Gram, p: usize, r: usize) {
-        self.order.clear();
-        self.order.extend(0..p);
-        self.factorise_ordered(gram, p, r);
+        self.start(gram, p, r, true);
+        (0..p).for_each(|column| self.eliminate(gram, column));
     }
 
-    /// The same with the columns in this `order`.
+    /// The same in the order of what the right-hand sides of `pilot` tell, and no farther than that.
     #[inline(always)]
-    pub fn factorise_in(&mut self, order: &[usize], gram: &Gram, r: usize) {
-        self.order.clear();
-        self.order.extend_from_slice(order);
-        self.factorise_ordered(gram, order.len(), r);
-    }
-
-    #[inline(always)]
-    fn factorise_ordered(&mut self, gram: &Gram, p: usize, r: usize) {
-        self.p = p;
-        self.equilibrate(gram, r);
-        for buffer in [&mut self.l, &mut self.z, &mut self.d] {
-            buffer.clear();
-        }
-        self.l.resize(p * p, 0.0);
-        self.z.resize(r * p, 0.0);
-        self.d.resize(p, 0.0);
-        self.kept.clear();
-        for j in 0..p {
-            self.eliminate(j);
+    pub fn pursue(&mut self, gram: &Gram, p: usize, r: usize, pilot: Range<usize>) {
+        self.start(gram, p, r, false);
+        self.pursuit.start(gram, &self.scale, r, pilot.clone());
+        let mut next = Some(0);
+        while let Some(column) = next {
+            let row = self.order.len();
+            self.eliminate(gram, column);
+            let z = |t: usize| self.z[t * p + row];
+            self.pursuit.take(
+                column,
+                &self.system.row(row)[..p],
+                &self.noise.row(row)[..p],
+                pilot.clone().map(z),
+            );
+            next = self.pursuit.next();
         }
     }
 
-    /// Copies A, b and B to where they are eliminated, A to a unit diagonal.
     #[inline(always)]
-    fn equilibrate(&mut self, gram: &Gram, r: usize) {
-        let (p, width) = (self.p, self.p + r);
+    fn start(&mut self, gram: &Gram, p: usize, r: usize, nested: bool) {
+        (self.p, self.nested) = (p, nested);
+        let energy = |i: usize| f64::from(gram.a[i * (p + r) + i]);
+        let scale = |energy: f64| if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 };
         self.scale.clear();
-        self.scale.extend(self.order.iter().map(|i| gram.equilibration(*i, width)));
-        self.system.resize(p, width);
+        self.scale.extend((0..p).map(|i| scale(energy(i))));
+        self.system.resize(p, p + r);
         self.noise.resize(p, p);
-        for i in 0..p {
-            let (own, row) = (self.scale[i], self.order[i]);
-            let (system, noise) = (self.system.row_mut(i), self.noise.row_mut(i));
-            // From the diagonal on; from there to the block's beginning nothing is ever looked at.
-            for ((j, &column), scale) in self.order.iter().enumerate().zip(&self.scale).skip(i) {
-                let scale = own * scale;
-                system[j] = f64::from(gram.a[Gram::place(row, column, width)]) * scale;
-                noise[j] = f64::from(gram.b[Gram::place(row, column, p)]) * scale;
-            }
-            let (columns, padding) = system[p..].split_at_mut(r);
-            let sides = &gram.a[row * width + p..(row + 1) * width];
-            columns.iter_mut().zip(sides).for_each(|(to, side)| *to = f64::from(*side) * own);
-            padding.fill(0.0);
-            noise[p..].fill(0.0);
+        for (buffer, length) in [(&mut self.z, r * p), (&mut self.d, p)] {
+            buffer.clear();
+            buffer.resize(length, 0.0);
         }
+        self.order.clear();
+        self.kept.clear();
     }
 
-    /// Finishes row `j`: what all earlier ones take out of it, A by its Cholesky step, b with it, and B by the
-    /// congruence B ← E B Eᵀ whose E is that step. With u = L's column i and v = B_i/L_ii − ½ d_i u of every
-    /// earlier i the latter is B_jk ← B_jk − u_j v_k − v_j u_k, and d_j = B_jj/A_jj.
+    /// The first block of component `i`'s row that is looked at: columns that had their turn are not, where it is known
+    /// which they are.
     #[inline(always)]
-    fn eliminate(&mut self, j: usize) {
-        let p = self.p;
+    fn first(&self, i: usize) -> usize {
+        if self.nested { i / BLOCK } else { 0 }
+    }
+
+    /// Makes the next component, of `column`: all earlier ones are taken out of it, of A by the Cholesky step, of b with
+    /// it, and of B by the congruence B ← E B Eᵀ whose E is that step. With u = L's column i and v = B_i/L_ii − ½ d_i u of
+    /// every earlier i the latter is B_jk ← B_jk − u_j v_k − v_j u_k, and d_j = B_jj/A_jj.
+    #[inline(always)]
+    fn eliminate(&mut self, gram: &Gram, column: usize) {
+        let (p, j) = (self.p, self.order.len());
+        let from = self.first(j);
+        self.order.push(column);
+        self.equilibrate(gram, column, j, from * BLOCK);
         let (system, noise) = (&self.system, &self.noise);
         for kept in &mut self.kept {
-            (kept.u, kept.v) = (system.row(kept.row)[j], noise.row(kept.row)[j]);
-            self.l[j * p + kept.row] = kept.u;
+            (kept.u, kept.v) = (system.row(kept.row)[column], noise.row(kept.row)[column]);
         }
-        let from = j / BLOCK;
         for at in (from..self.system.width).step_by(AT_ONCE) {
             with_blocks!(self.system.width - at, self.take_from_system(j, at));
         }
         for at in (from..self.noise.width).step_by(AT_ONCE) {
             with_blocks!(self.noise.width - at, self.take_from_noise(j, at));
         }
-        let pivot = self.system.row(j)[j];
+        let pivot = self.system.row(j)[column];
         if pivot.is_nan() || pivot <= PIVOT_THRESHOLD {
             return;
         }
         let inverse = pivot.sqrt().recip();
-        let d = self.noise.row(j)[j] / pivot;
+        let d = self.noise.row(j)[column] / pivot;
         self.d[j] = d.max(0.0);
         let (u, v) = (self.system.row_mut(j), self.noise.row_mut(j));
         u[from * BLOCK..].iter_mut().for_each(|u| *u *= inverse);
@@ -197,11 +197,29 @@ impl Factor {
         for (t, z) in u[p..].iter().enumerate().take(self.z.len() / p) {
             self.z[t * p + j] = *z;
         }
-        self.l[j * p + j] = u[j];
-        self.kept.push(Kept { row: j, ..Kept::default() });
+        self.kept.push(Kept { row: j, column, ..Kept::default() });
     }
 
-    /// Takes the earlier rows out of `N` blocks of A's and b's row `j` from block `at` on.
+    /// Copies what A, b and B have of `column` from column `from` on to row `j`, A to a unit diagonal.
+    #[inline(always)]
+    fn equilibrate(&mut self, gram: &Gram, column: usize, j: usize, from: usize) {
+        let (p, r, own) = (self.p, self.z.len() / self.p, self.scale[column]);
+        let scales = &self.scale[from..];
+        let copy = |to: &mut [f64], sums: &[f32]| {
+            for ((to, sum), scale) in to[from..].iter_mut().zip(&sums[from..]).zip(scales) {
+                *to = f64::from(*sum) * (own * scale);
+            }
+        };
+        let row = &gram.a[column * (p + r)..(column + 1) * (p + r)];
+        let (system, noise) = (self.system.row_mut(j), self.noise.row_mut(j));
+        copy(&mut system[..p], &row[..p]);
+        copy(&mut noise[..p], &gram.b[column * p..(column + 1) * p]);
+        system[p..].iter_mut().zip(&row[p..]).for_each(|(to, sum)| *to = f64::from(*sum) * own);
+        system[p + r..].fill(0.0);
+        noise[p..].fill(0.0);
+    }
+
+    /// Takes the earlier components out of `N` blocks of A's and b's row `j` from block `at` on.
     #[inline(always)]
     fn take_from_system<const N: usize>(&mut self, j: usize, at: usize) {
         let mut sums = *self.system.blocks::<N>(j, at);
@@ -250,30 +268,22 @@ impl Factor {
     pub fn solve(&mut self, targets: usize, shrink: &[f64]) {
         let p = self.p;
         self.beta.clear();
-        for z in self.z[..targets * p].chunks(BLOCK * p) {
-            self.block.clear();
-            self.block.resize(p, [0.0; BLOCK]);
-            for (t, z) in z.chunks_exact(p).enumerate() {
-                self.block.iter_mut().zip(z).zip(shrink).for_each(|((beta, z), s)| beta[t] = z * s);
-            }
-            for i in (0..p).rev() {
-                let row = &self.l[i * p..=i * p + i];
-                let (before, own) = self.block.split_at_mut(i);
-                let own = &mut own[0];
-                if row[i] > 0.0 {
-                    own.iter_mut().for_each(|beta| *beta /= row[i]);
-                    for (beta, l) in before.iter_mut().zip(row) {
-                        (0..BLOCK).for_each(|t| beta[t] -= l * own[t]);
-                    }
-                } else {
-                    *own = [0.0; BLOCK];
+        self.beta.resize(targets * p, 0.0);
+        self.block.resize(self.kept.len(), [0.0; BLOCK]);
+        for (z, beta) in self.z[..targets * p].chunks(BLOCK * p).zip(self.beta.chunks_mut(BLOCK * p)) {
+            for (i, kept) in self.kept.iter().enumerate().rev() {
+                let u = self.system.row(kept.row);
+                let (own, after) = self.block[i..].split_first_mut().expect("a component has a place");
+                *own = [0.0; BLOCK];
+                for (own, z) in own.iter_mut().zip(z.chunks_exact(p)) {
+                    *own = z[kept.row] * shrink[kept.row];
                 }
-            }
-            for t in 0..z.len() / p {
-                let start = self.beta.len();
-                self.beta.resize(start + p, 0.0);
-                for ((column, beta), scale) in self.order.iter().zip(&self.block).zip(&self.scale) {
-                    self.beta[start + column] = beta[t] * scale;
+                for (later, beta) in self.kept[i + 1..].iter().zip(&*after) {
+                    (0..BLOCK).for_each(|t| own[t] -= u[later.column] * beta[t]);
+                }
+                own.iter_mut().for_each(|beta| *beta /= u[kept.column]);
+                for (t, beta) in beta.chunks_exact_mut(p).enumerate() {
+                    beta[kept.column] = own[t] * self.scale[kept.column];
                 }
             }
         }

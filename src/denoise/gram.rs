@@ -3,9 +3,9 @@
 //! For the columns x_0 … x_{p−1} of the design, the right-hand sides that follow them, weights w and
 //! noise variances σ² it accumulates (method of one factorisation for every order)
 //!
-//! - A = Σ w x xᵀ, upper triangle, p × p, and behind each of its rows
+//! - A = Σ w x xᵀ, p × p, and behind each of its rows
 //! - b = Σ w x y for every right-hand side y, p × r
-//! - B = Σ w² σ² x xᵀ, upper triangle, p × p
+//! - B = Σ w² σ² x xᵀ, p × p
 //!
 //! in `f32` lanes: a window has some hundred pixels, so a lane adds a few dozen products and the sums
 //! are good to about 1e-6 of √(A_ii A_jj). The fit's pivot threshold is three orders above that.
@@ -43,7 +43,7 @@ pub struct Columns<'a> {
     pub weighted_noise: &'a [f32],
 }
 
-/// The sums of one window; only the upper triangles (`row ≤ column`) are filled.
+/// The sums of one window.
 #[derive(Debug, Clone, Default)]
 pub struct Gram {
     /// Σ w x xᵀ and Σ w x y, row major, p × (p + r).
@@ -52,19 +52,6 @@ pub struct Gram {
     pub b: Vec<f32>,
     /// Scratch: w·x and w²σ²·x of the two columns at hand.
     products: Vec<f32>,
-}
-
-impl Gram {
-    /// Where the sum of the columns `i` and `j` stands, in rows of `width`.
-    pub fn place(i: usize, j: usize, width: usize) -> usize {
-        i.min(j) * width + i.max(j)
-    }
-
-    /// 1/√A_ii of column `i`, 0 where it is empty, in rows of `width`.
-    pub fn equilibration(&self, i: usize, width: usize) -> f64 {
-        let energy = f64::from(self.a[i * width + i]);
-        if energy > f64::MIN_POSITIVE { energy.sqrt().recip() } else { 0.0 }
-    }
 }
 
 /// Fills `gram` from `columns` with the vectors that `arch` offers, eight lanes at the most.
@@ -124,11 +111,10 @@ impl WithSimd for Kernel<'_> {
                 let at = [j, (j + 1).min(p - 1), (j + 2).min(p - 1)];
                 let sums = dots(simd, [u0, u1, v0, v1], at.map(column));
                 for (n, &column) in at.iter().enumerate() {
-                    a[i * width + column] = simd.reduce_sum_f32s(sums[0][n]);
-                    b[i * p + column] = simd.reduce_sum_f32s(sums[2][n]);
-                    if column >= second {
-                        a[second * width + column] = simd.reduce_sum_f32s(sums[1][n]);
-                        b[second * p + column] = simd.reduce_sum_f32s(sums[3][n]);
+                    for (row, [of_a, of_b]) in [(i, [0, 2]), (second, [1, 3])] {
+                        let [sum_a, sum_b] = [of_a, of_b].map(|k| simd.reduce_sum_f32s(sums[k][n]));
+                        (a[row * width + column], a[column * width + row]) = (sum_a, sum_a);
+                        (b[row * p + column], b[column * p + row]) = (sum_b, sum_b);
                     }
                 }
                 j += 3;
@@ -240,10 +226,10 @@ pub fn scalar(columns: Columns<'_>) -> Gram {
     let mut gram = Gram { a: vec![0.0; p * (p + r)], b: vec![0.0; p * p], products: vec![] };
     for i in 0..p {
         let w = |n: usize| f64::from(weights[n]);
-        for j in i..p + r {
+        for j in 0..p + r {
             gram.a[i * (p + r) + j] = sum(&|n| w(n) * x(i, n) * x(j, n));
         }
-        for j in i..p {
+        for j in 0..p {
             gram.b[i * p + j] = sum(&|n| w(n) * f64::from(weighted_noise[n]) * x(i, n) * x(j, n));
         }
     }
@@ -280,12 +266,9 @@ mod tests {
                 let mut fast =
                     Gram { a: unwritten(p * (p + r)), b: unwritten(p * p), products: unwritten(4 * stride) };
                 sum(columns, &mut fast);
-                for (fast, slow, width) in [(&fast.a, &slow.a, p + r), (&fast.b, &slow.b, p)] {
+                for (fast, slow) in [(&fast.a, &slow.a), (&fast.b, &slow.b)] {
                     assert_eq!(fast.len(), slow.len());
                     for (index, (f, s)) in fast.iter().zip(slow).enumerate() {
-                        if index % width < index / width {
-                            continue; // below the diagonal nobody reads
-                        }
                         assert!((f - s).abs() < 2e-5, "{tier}, p {p}, entry {index}: {f} against {s}");
                     }
                 }

@@ -381,13 +381,10 @@ fn center(
 ) {
     let options = problem.options;
     let window = Window::new(cx, cy, options.window_radius, problem.targets[0].size());
-    let (mut amounts, mut certain): (Vec<f32>, Vec<f32>) = (vec![], vec![]);
+    let [mut amounts, mut certain, mut shares]: [Vec<f32>; 3] = Default::default();
     let dark = options.dark_level * options.dark_level;
     let energy = |light: f32| light.max(0.0).powi(2) + dark;
     let floor = RISK_FLOOR * options.dark_level * options.dark_level;
-    // Of a share, which no power takes out of `f32`. The root is the same on all machines, which powers are not.
-    let power = options.risk_power;
-    let trust = |share: f32| if power == 0.5 { share.sqrt() } else { share.powf(power).max(LEAST_TRUST) };
     let here = problem.pilot.map_or(f32::INFINITY, |pilot| energy(pilot.light(cx, cy)));
     for kernel in kernels {
         let fitted = solver.fit(&window, *kernel);
@@ -403,11 +400,13 @@ fn center(
         // In the first stage the risk is that of noisy data: it would favour chance.
         if let Some(pilot) = problem.pilot {
             fitted.samples.gather(&pilot.certain, 0, 0.0, &mut certain);
-            for ((a, xi), certain) in amounts.iter_mut().zip(fitted.risks).zip(&certain) {
+            shares.clear();
+            shares.extend(fitted.risks.iter().zip(&certain).map(|(xi, certain)| {
                 let there = energy(*certain);
                 let dark = if there > here { (here + there) / (2.0 * here) } else { 1.0 };
-                *a *= trust(floor / ((xi + floor) * dark));
-            }
+                floor / ((xi + floor) * dark)
+            }));
+            trust(&mut amounts, &shares, options.risk_power);
         }
         for (t, predicted) in fitted.predicted.chunks_exact(own.len()).enumerate() {
             // A polynomial beside a lamp may swing far below what any pixel of the window shows: such predictions
@@ -439,6 +438,17 @@ fn center(
             sums.fits += 1;
             sums.orders[fitted.choice.best] += 1;
         }
+    }
+}
+
+/// Multiplies `amounts` by `shares` to a power, which takes none out of `f32`. The root is the same on all machines and
+/// quick, which powers are not.
+fn trust(amounts: &mut [f32], shares: &[f32], power: f32) {
+    let pairs = amounts.iter_mut().zip(shares);
+    if power == 0.5 {
+        pairs.for_each(|(a, share)| *a *= share.sqrt());
+    } else {
+        pairs.for_each(|(a, share)| *a *= share.powf(power).max(LEAST_TRUST));
     }
 }
 

@@ -6,7 +6,6 @@ use super::distances::{self, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::guides::Guides;
-use super::pursuit::Pursuit;
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
 use super::temporal::Warped;
@@ -95,7 +94,6 @@ pub struct Solver<'a> {
     means: Vec<f32>,
     scratch: Vec<f32>,
     gram: Gram,
-    pursuit: Pursuit,
     factor: Factor,
     choice: Choice,
     predicted: Vec<f32>,
@@ -135,7 +133,6 @@ impl<'a> Solver<'a> {
             means: vec![],
             scratch: vec![],
             gram: Gram::default(),
-            pursuit: Pursuit::default(),
             factor: Factor::default(),
             choice: Choice::default(),
             predicted: vec![],
@@ -210,9 +207,7 @@ impl<'a> Solver<'a> {
         accumulate(columns, &mut self.gram);
         let Problem { pilot, options, targets, .. } = self.problem;
         if risk::shrinks(options.order_choice, pilot.is_some()) {
-            let pilot = targets.len()..r;
-            let order = self.pursuit.order(&self.gram, p, r, pilot);
-            self.factor.factorise_in(order, &self.gram, r);
+            self.factor.pursue(&self.gram, p, r, targets.len()..r);
         } else {
             self.factor.factorise(&self.gram, p, r);
         }
