@@ -11,15 +11,15 @@
 //!
 //! | | spp | ξ^¼ Δ^(3/2) σ^½ over 5×5 | E |
 //! |---|--:|--:|--:|
-//! | five scenes | 16 | 3.20, ×3.5 | 0.95, ×1.9 |
-//! | | 64 | 2.09, ×2.2 | 0.85, ×1.8 |
+//! | five scenes | 16 | 3.20, ×3.5 | 0.96, ×1.9 |
+//! | | 64 | 2.09, ×2.2 | 0.87, ×1.8 |
 //! | | 256 | 1.67, ×2.2 | 0.82, ×1.6 |
-//! | thirteen others | 16 | 4.30, ×3.9 | 1.34, ×2.2 |
-//! | | 64 | 2.89, ×4.1 | 1.21, ×1.8 |
-//! | | 256 | 1.60, ×3.4 | 1.03, ×1.7 |
+//! | thirteen others | 16 | 4.30, ×3.9 | 1.33, ×2.1 |
+//! | | 64 | 2.89, ×4.1 | 1.20, ×1.7 |
+//! | | 256 | 1.60, ×3.4 | 1.04, ×1.6 |
 //!
-//! The column before is of an earlier version. Least where both stages are wrong alike: ×0.3 to ×0.4 on noisy textures;
-//! most among many lamps and out of focus at 16 spp, ×6 and ×4. Of squared errors as they are, which a few highlights are
+//! The column before is of an earlier version. Least where both stages are wrong alike: ×0.3 to ×0.4 on noisy textures,
+//! whose albedo passes its own noise on, which no stage sees; most among many lamps and out of focus at 16 spp, ×6 and ×4. Of squared errors as they are, which a few highlights are
 //! the most of, it is half.
 
 use super::reconstruct::Reconstruction;
