@@ -23,6 +23,8 @@ pub enum ErrorKind {
     Misplaced,
     /// The result cannot be written: the disk is at fault (exit code 5).
     Unwritable,
+    /// The caller told the run to stop, by its [observer](crate::Observer) (exit code 130, as after Ctrl-C).
+    Stopped,
     /// A defect of this program (exit code 70).
     Internal,
 }
@@ -35,6 +37,7 @@ impl ErrorKind {
             ErrorKind::Unreadable => 3,
             ErrorKind::Lacking => 4,
             ErrorKind::Unwritable => 5,
+            ErrorKind::Stopped => 130,
             ErrorKind::Internal => 70,
         }
     }
