@@ -23,6 +23,8 @@ pub enum ErrorKind {
     Misplaced,
     /// The result cannot be written: the disk is at fault (exit code 5).
     Unwritable,
+    /// The caller told the run to stop, by its [observer](crate::Observer) (exit code 130, as after Ctrl-C).
+    Stopped,
     /// A defect of this program (exit code 70).
     Internal,
 }
@@ -35,6 +37,7 @@ impl ErrorKind {
             ErrorKind::Unreadable => 3,
             ErrorKind::Lacking => 4,
             ErrorKind::Unwritable => 5,
+            ErrorKind::Stopped => 130,
             ErrorKind::Internal => 70,
         }
     }
@@ -56,13 +59,22 @@ struct Inner {
     part: Option<String>,
     channel: Option<String>,
     remedy: Option<String>,
+    system: Option<i32>,
 }
 
 impl Error {
     /// An error of `kind`; `what` says what was got and what was expected, without a full stop.
     pub fn new(kind: ErrorKind, what: impl Into<String>) -> Self {
         let what = what.into();
-        Self(Box::new(Inner { kind, what, file: None, part: None, channel: None, remedy: None }))
+        Self(Box::new(Inner {
+            kind,
+            what,
+            file: None,
+            part: None,
+            channel: None,
+            remedy: None,
+            system: None,
+        }))
     }
 
     /// Names the file, unless an inner caller already did.
@@ -93,6 +105,13 @@ impl Error {
         self
     }
 
+    /// Keeps the number of the system's `error`, where it has one.
+    #[must_use]
+    pub(crate) fn of_system(mut self, error: &std::io::Error) -> Self {
+        self.0.system = error.raw_os_error();
+        self
+    }
+
     /// What sort of failure it is.
     pub fn kind(&self) -> ErrorKind {
         self.0.kind
@@ -101,6 +120,11 @@ impl Error {
     /// The file the error is about, where there is one.
     pub fn file(&self) -> Option<&Path> {
         self.0.file.as_deref()
+    }
+
+    /// The number of the system's error that is behind it (`errno`), where there is one.
+    pub fn system(&self) -> Option<i32> {
+        self.0.system
     }
 }
 

@@ -78,7 +78,7 @@
 //!   parts.
 //! - Where a renderer should sample next: [`sampling`]. How right a result is: [`metrics`]. Other methods on the same
 //!   frame: [`baseline`].
-//! - Progress: an [`Observer`]. The library prints nothing and reads no clock.
+//! - Progress, and a way to stop a run: an [`Observer`]. The library prints nothing and reads no clock.
 //!
 //! # Threads
 //!

@@ -1,8 +1,10 @@
 //! Identities of the whole denoiser, through its public door.
 
+use apr::denoise::{Stage, denoise_observed};
 use apr::image::{Plane, Rgb};
 use apr::options::OrderChoice;
-use apr::{Aov, Denoised, Feature, FeatureKind, Frame, Options, denoise};
+use apr::{Aov, Denoised, ErrorKind, Feature, FeatureKind, Frame, Observer, Options, denoise};
+use std::sync::Mutex;
 
 const SIZE: (usize, usize) = (53, 37);
 
@@ -295,5 +297,65 @@ fn several_bandwidths_give_the_mean_of_what_each_gives() {
             let expected = mean(parts, c, (x, y));
             assert!((result[c].get(x, y) - expected).abs() < 1e-5, "{bandwidths:?} {c}, {x}, {y}");
         }
+    }
+}
+
+/// Stops the run when it is asked for the `last`th time, and hears all of it.
+struct Stopping {
+    last: usize,
+    asked: Mutex<usize>,
+    heard: Mutex<Vec<(Option<Stage>, f32)>>,
+}
+
+impl Stopping {
+    fn at(last: usize) -> Self {
+        Self { last, asked: Mutex::default(), heard: Mutex::default() }
+    }
+}
+
+impl Observer for Stopping {
+    fn stage(&self, stage: Stage) {
+        self.heard.lock().unwrap().push((Some(stage), f32::NAN));
+    }
+
+    fn progress(&self, done: f32) {
+        let mut heard = self.heard.lock().unwrap();
+        let stage = heard.last().and_then(|(stage, _)| *stage);
+        heard.push((stage, done));
+    }
+
+    fn is_stopped(&self) -> bool {
+        let mut asked = self.asked.lock().unwrap();
+        *asked += 1;
+        *asked >= self.last
+    }
+}
+
+#[test]
+fn a_run_is_stopped_wherever_it_is_and_one_that_is_not_gives_the_same_bits() {
+    let sigma = rgb(|_, _, _| 0.01).to_vec();
+    let feature = Feature::new("x", FeatureKind::Other, rgb(truth).to_vec()).with_variance_of_mean(sigma);
+    let frame = noisy(0.1, 5).with_feature(feature).unwrap();
+    let options = Options::default();
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    let run = |hears: &Stopping| one.install(|| denoise_observed(&frame, &options, hears));
+
+    let whole = Stopping::at(usize::MAX);
+    assert_eq!(run(&whole).unwrap(), denoise(&frame, &options).unwrap());
+    let heard = whole.heard.into_inner().unwrap();
+    let shares: Vec<f32> = heard.iter().map(|(_, done)| *done).filter(|done| !done.is_nan()).collect();
+    assert!(shares.is_sorted() && shares[0] == 0.0 && shares.last() == Some(&1.0), "{shares:?}");
+    // Within the stages that take long, not at their beginnings alone.
+    for stage in [Stage::Coarse, Stage::Fit(1), Stage::Fit(2)] {
+        assert!(
+            heard.iter().filter(|(current, _)| *current == Some(stage)).count() > 4,
+            "{stage:?}: {heard:?}"
+        );
+    }
+    let asked = whole.asked.into_inner().unwrap();
+    for last in 1..=asked {
+        let stopped = Stopping::at(last);
+        assert_eq!(run(&stopped).unwrap_err().kind(), ErrorKind::Stopped);
+        assert_eq!(stopped.asked.into_inner().unwrap(), last, "it was told, and went on");
     }
 }

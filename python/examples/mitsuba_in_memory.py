@@ -74,7 +74,7 @@ def main():
           f"estimated MSE {result['mse'].mean():.2e}, true {np.square(result['color'] - truth).mean():.2e}")
     if len(sys.argv) > 1:
         folder = pathlib.Path(sys.argv[1])
-        apr.write_exr(folder / "noisy.exr", color, layers=features, spp=SPP)
+        apr.write_exr(folder / "noisy.exr", color, features=features, spp=SPP)
         apr.write_exr(folder / "denoised.exr", result["color"], layers={"apr.mse": result["mse"]})
         apr.write_exr(folder / "reference.exr", truth)
 

@@ -3,7 +3,7 @@
 //! the way out.
 
 use apr::image::{Plane, Rgb};
-use numpy::ndarray::{ArrayViewD, Axis, Ix2, s};
+use numpy::ndarray::{ArrayView2, ArrayViewD, Axis, Ix2, s};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -63,9 +63,14 @@ fn shape(array: &PyReadonlyArrayDyn<'_, f32>) -> String {
     format!("({})", axes.join(", "))
 }
 
-fn plane(view: numpy::ndarray::ArrayView2<'_, f32>) -> Plane {
+/// The GIL is held meanwhile: without it others might write to the array.
+fn plane(view: ArrayView2<'_, f32>) -> Plane {
     let (height, width) = view.dim();
-    Plane::from_vec(width, height, view.iter().copied().collect()).expect("one number for each pixel")
+    let mut data = Vec::with_capacity(width * height);
+    for row in view.rows() {
+        row.for_each(|value| data.push(*value)); // many times quicker than an iterator over both axes
+    }
+    Plane::from_vec(width, height, data).expect("one number for each pixel")
 }
 
 /// An array H×W that takes over the plane's memory.
@@ -75,17 +80,21 @@ pub fn from_plane(py: Python<'_>, plane: Plane) -> PyResult<Bound<'_, PyAny>> {
 }
 
 /// An array H×W×C of C planes of one size; H×W for one.
-pub fn from_planes(py: Python<'_>, mut planes: Vec<Plane>) -> PyResult<Bound<'_, PyAny>> {
-    if planes.len() == 1 {
-        return from_plane(py, planes.remove(0));
-    }
+pub fn from_planes<'py>(py: Python<'py>, planes: &[Plane]) -> PyResult<Bound<'py, PyAny>> {
     let (width, height) = planes[0].size();
-    let channels = planes.len();
-    let mut mixed = vec![0.0; width * height * channels];
-    for (c, plane) in planes.into_iter().enumerate() {
-        for (target, value) in mixed.iter_mut().skip(c).step_by(channels).zip(plane.data()) {
-            *target = *value;
-        }
+    let array = PyArray1::from_vec(py, py.detach(|| mixed(planes)));
+    match planes.len() {
+        1 => Ok(array.reshape([height, width])?.into_any()),
+        channels => Ok(array.reshape([height, width, channels])?.into_any()),
     }
-    Ok(PyArray1::from_vec(py, mixed).reshape([height, width, channels])?.into_any())
+}
+
+/// The planes' samples, pixel by pixel.
+fn mixed(planes: &[Plane]) -> Vec<f32> {
+    let channels = planes.len();
+    let mut mixed = vec![0.0; channels * planes[0].data().len()];
+    for (c, plane) in planes.iter().enumerate() {
+        mixed.chunks_exact_mut(channels).zip(plane.data()).for_each(|(pixel, value)| pixel[c] = *value);
+    }
+    mixed
 }

@@ -2,17 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use apr::Feature;
+use apr::denoise::denoise_observed;
 use apr::io::{self, FrameHeader, Mapping, Picture, ReadOptions, Renderer, RunFile, VarianceKind};
-use apr::{Aov, Frame};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use serde_json::json;
 
-use crate::arrays::{planes, rgb};
+use crate::arrays::planes;
 use crate::chosen;
-use crate::errors::raised;
-use crate::frame::{from_json, items, keywords, samples};
+use crate::errors::{in_python, raised, told, warn};
+use crate::frame::{Given, from_json, items, keywords, kind, like_color, samples};
 use crate::threads::Threads;
 
 /// How to understand a file: the keywords that `read_exr` and `denoise_exr` share.
@@ -64,53 +65,77 @@ fn one_of<T: Copy>(what: &str, names: &[(&str, T)], wanted: &str) -> PyResult<T>
 
 /// `read_exr` without Python's defaults, which `package/apr/__init__.py` has.
 #[pyfunction]
-pub fn read_exr<'py>(
-    py: Python<'py>,
-    path: PathBuf,
-    reading: Reading,
-) -> PyResult<(Bound<'py, PyDict>, Bound<'py, PyAny>)> {
-    let options = reading.options()?;
-    let picture = py.detach(|| Threads::default().run(|| Picture::read(&path, &options)))?.map_err(raised)?;
-    Ok((keywords(py, picture.frame())?, from_json(py, picture.layout())?))
+pub fn read_exr(py: Python<'_>, path: PathBuf, reading: Reading) -> PyResult<Bound<'_, PyDict>> {
+    let picture = read(py, &path, reading)?;
+    warn(py, picture.layout())?;
+    keywords(py, picture.frame())
 }
 
-/// Writes ``color`` as R,G,B and every layer (1 or 3 channels) under its name, 32-bit floats, ZIP.
+/// `inspect_exr` without Python's defaults.
+#[pyfunction]
+pub fn inspect_exr(py: Python<'_>, path: PathBuf, reading: Reading) -> PyResult<Bound<'_, PyAny>> {
+    from_json(py, &told(read(py, &path, reading)?.layout()))
+}
+
+fn read(py: Python<'_>, path: &Path, reading: Reading) -> PyResult<Picture> {
+    let options = reading.options()?;
+    Threads::default().run(py, None, |_| Picture::read(path, &options))
+}
+
+/// Writes what ``read_exr`` gives, in the keywords of ``denoise``: ``color`` as R,G,B, everything else as layers of its
+/// name that ``read_exr`` and the command line know, 32-bit floats, ZIP. Of ``halves`` and ``feature_halves`` the first
+/// is written, which together with the mean tells the second.
+///
+/// layers: any other arrays by name, height × width (× channels).
+/// spp: samples per pixel; seed: the render's, with which ``read_exr`` takes two renders apart.
 ///
 /// The file appears whole or not at all. Raises OSError where it cannot be written.
+#[expect(clippy::too_many_arguments, reason = "Python's keywords")]
 #[pyfunction]
-#[pyo3(signature = (path, color, *, layers=None, spp=None, seed=None))]
-pub fn write_exr(
-    py: Python<'_>,
+#[pyo3(signature = (path, color, *, variance=None, halves=None, albedo=None, normal=None, position=None, depth=None,
+    visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, layers=None, spp=None,
+    seed=None))]
+pub fn write_exr<'py>(
+    py: Python<'py>,
     path: PathBuf,
-    color: &Bound<'_, PyAny>,
-    layers: Option<&Bound<'_, PyMapping>>,
+    color: &Bound<'py, PyAny>,
+    variance: Option<&Bound<'py, PyAny>>,
+    halves: Option<&Bound<'py, PyAny>>,
+    albedo: Option<Bound<'py, PyAny>>,
+    normal: Option<Bound<'py, PyAny>>,
+    position: Option<Bound<'py, PyAny>>,
+    depth: Option<Bound<'py, PyAny>>,
+    visibility: Option<Bound<'py, PyAny>>,
+    features: Option<&Bound<'py, PyMapping>>,
+    feature_variance: Option<&Bound<'py, PyMapping>>,
+    feature_halves: Option<&Bound<'py, PyMapping>>,
+    aovs: Option<&Bound<'py, PyMapping>>,
+    layers: Option<&Bound<'py, PyMapping>>,
     spp: Option<f32>,
     seed: Option<u64>,
 ) -> PyResult<()> {
     io::check_ending(&path).map_err(raised)?;
-    let mut frame = Frame::new(rgb("color", color)?).map_err(raised)?;
-    let mut further = Vec::new();
+    let named = [
+        ("albedo", albedo),
+        ("normal", normal),
+        ("position", position),
+        ("depth", depth),
+        ("visibility", visibility),
+    ];
+    let given =
+        Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
+    let mut frame = given.frame(|_| ())?;
     for (name, array) in items(layers)? {
-        let planes = planes(&format!("layers['{name}']"), &array)?;
-        match <[_; 3]>::try_from(planes) {
-            Ok(color) => frame = frame.with_aov(Aov { name, color }).map_err(raised)?,
-            Err(planes) if planes.len() == 1 => further.push((format!("{name}.Y"), planes)),
-            Err(planes) => {
-                let what =
-                    format!("layers['{name}'] has {} channels where 1 or 3 were expected", planes.len());
-                return Err(PyValueError::new_err(what));
-            }
-        }
+        let what = format!("layers['{name}']");
+        let planes = like_color(&what, planes(&what, &array)?, (frame.width(), frame.height()))?;
+        frame = frame.with_feature(Feature::new(&name, kind(&name), planes)).map_err(raised)?;
     }
-    if let Some(spp) = spp {
-        frame = frame.with_spp(samples(spp)?);
-    }
-    let further: Vec<_> = further.iter().map(|(name, planes)| (name.as_str(), &planes[0])).collect();
-    let header = FrameHeader { seed, further: &further };
-    py.detach(|| Threads::default().run(|| io::write_frame(&path, &frame, &header)))?.map_err(raised)
+    let header = FrameHeader { seed, further: &[] };
+    Threads::default().run(py, None, |_| io::write_frame(&path, &frame, &header))
 }
 
 /// The command line's work: reads, denoises and writes the file again.
+#[expect(clippy::too_many_arguments, reason = "Python's keywords")]
 #[pyfunction]
 pub fn denoise_exr<'py>(
     py: Python<'py>,
@@ -121,27 +146,26 @@ pub fn denoise_exr<'py>(
     options: Option<&Bound<'py, PyMapping>>,
     aux: bool,
     threads: Option<i64>,
+    progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = chosen(preset, options)?;
     let reading = reading.options()?;
     let threads = Threads::new(threads)?;
-    let work = || -> apr::Result<_> {
-        check_output(&input, &reading, &output)?;
-        let picture = Picture::read(&input, &reading)?;
-        // So that the command line knows a result from a render, which it does not replace.
-        let by = json!({"program": "apr", "version": env!("CARGO_PKG_VERSION"), "options": options});
-        picture.sign(by.to_string());
-        let denoised = apr::denoise(picture.frame(), &options)?;
-        let notes = picture.write(&output, &denoised, aux)?;
-        let sums = picture.sums(&denoised)?;
-        Ok((picture, denoised, sums, notes))
-    };
-    let (picture, denoised, sums, notes) = py.detach(|| threads.run(work))?.map_err(raised)?;
+    check_output(&input, &reading, &output).map_err(raised)?;
+    let (survey, frame) = threads.run(py, None, |_| Picture::read(&input, &reading))?.into_frame();
+    warn(py, survey.layout())?;
+    // So that the command line knows a result from a render, which it does not replace.
+    let by = json!({"program": "apr", "version": env!("CARGO_PKG_VERSION"), "options": options});
+    survey.sign(by.to_string());
+    let denoised = threads.run(py, progress, |watch| denoise_observed(frame, &options, watch))?;
+    let written =
+        threads.run(py, None, |_| Ok((survey.write(&output, &denoised, aux)?, survey.sums(&denoised)?)));
+    let (notes, sums) = written?;
     let report = PyDict::new(py);
-    report.set_item("layout", from_json(py, picture.layout())?)?;
+    report.set_item("layout", from_json(py, &told(survey.layout()))?)?;
     report.set_item("summary", from_json(py, &denoised.summary)?)?;
     report.set_item("sums", from_json(py, &sums)?)?;
-    report.set_item("notes", notes)?;
+    report.set_item("notes", notes.iter().map(|note| in_python(note)).collect::<Vec<_>>())?;
     Ok(report)
 }
 

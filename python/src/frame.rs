@@ -1,6 +1,6 @@
 //! Keywords to a frame, and a result to a dictionary.
 
-use apr::io::bound_feature;
+use apr::image::Plane;
 use apr::{Aov, Denoised, Feature, FeatureKind, Frame};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::arrays::{from_plane, from_planes, planes, rgb};
 use crate::errors::raised;
 
-/// What `denoise` is given.
+/// What `denoise` is given, and `write_exr`.
 pub struct Given<'a, 'py> {
     pub color: &'a Bound<'py, PyAny>,
     pub variance: Option<&'a Bound<'py, PyAny>>,
@@ -24,18 +24,19 @@ pub struct Given<'a, 'py> {
 }
 
 impl<'py> Given<'_, 'py> {
-    /// The frame, and what was done to the arrays on the way.
-    pub fn frame(self) -> PyResult<(Frame, Vec<String>)> {
+    /// The frame, every feature as `prepare` leaves it.
+    pub fn frame(self, mut prepare: impl FnMut(&mut Feature)) -> PyResult<Frame> {
         let mut frame = Frame::new(rgb("color", self.color)?).map_err(raised)?;
+        let size = (frame.width(), frame.height());
+        let rgb = |name: &str, array: &Bound<'py, PyAny>| like_color(name, rgb(name, array)?, size);
+        let planes = |name: &str, array: &Bound<'py, PyAny>| like_color(name, planes(name, array)?, size);
         if let Some(variance) = self.variance {
             frame = frame.with_variance_of_mean(rgb("variance", variance)?).map_err(raised)?;
         }
-        let mut notes = Vec::new();
         if let Some(halves) = self.halves {
             let [a, b] = pair("halves", halves)?;
             let halves = [rgb("halves[0]", &a)?, rgb("halves[1]", &b)?];
             frame = frame.with_halves(halves).map_err(raised)?;
-            notes.extend(other_halves(&frame));
         }
         for (name, array) in self.all_features()? {
             let mut feature = Feature::new(&name, kind(&name), planes(&name, &array)?);
@@ -47,9 +48,9 @@ impl<'py> Given<'_, 'py> {
                 let [a, b] = pair(&what, &halves)?;
                 feature.halves = Some([planes(&what, &a)?, planes(&what, &b)?]);
             }
-            // Only what the frame takes can be brought into range; it tells what is wrong with the rest.
-            if fits(&feature, (frame.width(), frame.height())) {
-                notes.extend(bound_feature(&mut feature));
+            // The frame tells what is wrong with others.
+            if is_of_one_kind(&feature) {
+                prepare(&mut feature);
             }
             frame = frame.with_feature(feature).map_err(raised)?;
         }
@@ -60,7 +61,7 @@ impl<'py> Given<'_, 'py> {
         if let Some(spp) = self.spp {
             frame = frame.with_spp(samples(spp)?);
         }
-        Ok((frame, notes))
+        Ok(frame)
     }
 
     /// The features by keyword, then those of the dictionary, in its order.
@@ -118,7 +119,7 @@ fn can_be(spp: &f32) -> bool {
 }
 
 /// Tells of half buffers that are not the colour's: their difference says nothing about its noise.
-fn other_halves(frame: &Frame) -> Option<String> {
+pub fn other_halves(frame: &Frame) -> Option<String> {
     /// Half floats, and halves of which one has a sample more, deviate by less.
     const TOLERANCE: f64 = 0.05;
     let [a, b] = frame.halves()?;
@@ -143,15 +144,27 @@ fn other_halves(frame: &Frame) -> Option<String> {
     })
 }
 
-/// Whether all arrays of a feature are of one kind: as many channels, and of the frame's `size`.
-fn fits(feature: &Feature, size: (usize, usize)) -> bool {
-    let beside = feature.var_of_mean.iter().chain(feature.halves.iter().flatten());
-    let mut all = beside.chain([&feature.planes]);
-    all.all(|planes| planes.len() == feature.planes.len() && planes.iter().all(|plane| plane.size() == size))
+/// The planes of the array `name`, which must have the colour's `size`.
+pub fn like_color<P: AsRef<[Plane]>>(name: &str, planes: P, size: (usize, usize)) -> PyResult<P> {
+    let shape = |(width, height): (usize, usize)| format!("({height}, {width})");
+    match planes.as_ref().iter().map(Plane::size).find(|other| *other != size) {
+        None => Ok(planes),
+        Some(other) => Err(PyValueError::new_err(format!(
+            "{name} is {} where color is {}, both as (height, width)",
+            shape(other),
+            shape(size)
+        ))),
+    }
+}
+
+/// Whether all arrays of a feature have as many channels.
+fn is_of_one_kind(feature: &Feature) -> bool {
+    let mut beside = feature.var_of_mean.iter().chain(feature.halves.iter().flatten());
+    beside.all(|planes| planes.len() == feature.planes.len())
 }
 
 /// What a feature describes, by its name less a number at its end (`albedo2`).
-fn kind(name: &str) -> FeatureKind {
+pub fn kind(name: &str) -> FeatureKind {
     match name.trim_end_matches(|c: char| c.is_ascii_digit()) {
         "albedo" => FeatureKind::Albedo,
         "normal" => FeatureKind::Normal,
@@ -165,10 +178,10 @@ fn kind(name: &str) -> FeatureKind {
 /// A result as a dictionary of arrays.
 pub fn result(py: Python<'_>, denoised: Denoised) -> PyResult<Bound<'_, PyDict>> {
     let result = PyDict::new(py);
-    result.set_item("color", from_planes(py, denoised.color.into())?)?;
+    result.set_item("color", from_planes(py, &denoised.color)?)?;
     let aovs = PyDict::new(py);
     for aov in denoised.aovs {
-        aovs.set_item(aov.name, from_planes(py, aov.color.into())?)?;
+        aovs.set_item(aov.name, from_planes(py, &aov.color)?)?;
     }
     result.set_item("aovs", aovs)?;
     result.set_item("mse", from_plane(py, denoised.mse)?)?;
@@ -180,7 +193,7 @@ pub fn result(py: Python<'_>, denoised: Denoised) -> PyResult<Bound<'_, PyDict>>
 /// A frame as the keywords of `denoise`.
 pub fn keywords<'py>(py: Python<'py>, frame: &Frame) -> PyResult<Bound<'py, PyDict>> {
     let all = PyDict::new(py);
-    let array = |planes: &[apr::image::Plane]| from_planes(py, planes.to_vec());
+    let array = |planes: &[Plane]| from_planes(py, planes);
     all.set_item("color", array(frame.color())?)?;
     all.set_item("variance", frame.color_var_of_mean().map(|variance| array(variance)).transpose()?)?;
     let halves = frame.halves().map(|[a, b]| PyTuple::new(py, [array(a)?, array(b)?])).transpose()?;

@@ -8,18 +8,22 @@ mod frame;
 mod threads;
 
 use apr::Options;
+use apr::denoise::denoise_observed;
+use apr::io::bound_feature;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 
 use errors::raised;
-use frame::{Given, items};
+use frame::{Given, items, other_halves};
 use threads::Threads;
 
 #[pymodule]
 fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
     m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    m.add("LayoutWarning", m.py().get_type::<errors::LayoutWarning>())?;
     m.add_function(wrap_pyfunction!(denoise, m)?)?;
+    m.add_function(wrap_pyfunction!(files::inspect_exr, m)?)?;
     m.add_function(wrap_pyfunction!(files::read_exr, m)?)?;
     m.add_function(wrap_pyfunction!(files::write_exr, m)?)?;
     m.add_function(wrap_pyfunction!(files::denoise_exr, m)?)
@@ -39,6 +43,8 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
 /// spp: samples per pixel; ``read_exr`` gives it, and it changes no bit of the result.
 /// preset: fast, balanced, best or published; options: any option by name, dots go into depth.
 /// threads: 1 to 1024, one per core by default; the result does not depend on it.
+/// progress: called with the share that is done, 0 to 1, some times a second; what it raises stops the run, as Ctrl-C
+///     does, and is raised again.
 ///
 /// Returns a dictionary: ``color``, height × width × 3; ``aovs``, by their names; ``mse``, the estimated mean
 ///     squared error of ``color`` over its channels, and ``order``, the polynomial order chosen, 0 to 3, both
@@ -50,7 +56,7 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
 #[pyfunction]
 #[pyo3(signature = (color, *, variance=None, halves=None, albedo=None, normal=None, position=None, depth=None,
     visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, spp=None,
-    preset="balanced", options=None, threads=None))]
+    preset="balanced", options=None, threads=None, progress=None))]
 fn denoise<'py>(
     py: Python<'py>,
     color: &Bound<'py, PyAny>,
@@ -69,6 +75,7 @@ fn denoise<'py>(
     preset: &str,
     options: Option<&Bound<'py, PyMapping>>,
     threads: Option<i64>,
+    progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = chosen(preset, options)?;
     let threads = Threads::new(threads)?;
@@ -81,9 +88,10 @@ fn denoise<'py>(
     ];
     let given =
         Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
-    let (frame, notes) = given.frame()?;
-    // Nothing of Python is touched from here on: others may run meanwhile.
-    let denoised = py.detach(|| threads.run(|| apr::denoise(frame, &options)))?.map_err(raised)?;
+    let mut notes = vec![];
+    let frame = given.frame(|feature| notes.extend(py.detach(|| bound_feature(feature))))?;
+    notes.extend(py.detach(|| other_halves(&frame)));
+    let denoised = threads.run(py, progress, |watch| denoise_observed(frame, &options, watch))?;
     let result = frame::result(py, denoised)?;
     let summary = result.get_item("summary")?.expect("it has just been put there");
     for note in notes {

@@ -1,14 +1,18 @@
 """The binding gives the command line's bits, and says what is wrong with an array."""
 
+import errno
+import importlib.metadata
 import inspect
 import json
+import multiprocessing
 import os
 import pathlib
-import multiprocessing
 import re
+import signal
 import subprocess
 import threading
 import types
+import typing
 
 import numpy as np
 import pytest
@@ -192,10 +196,10 @@ def test_a_forked_process_denoises_too(tmp_path):
 @pytest.mark.parametrize("error, words, call", [
     (ValueError, r"\(20, 27, 4\).*alpha", lambda c: apr.denoise(np.concatenate([c, c[..., :1]], 2))),
     (ValueError, r"\(20, 27\).*height, width, 3", lambda c: apr.denoise(c[..., 0])),
-    (ValueError, r"27×19.*27×20", lambda c: apr.denoise(c, variance=c[1:])),
+    (ValueError, r"variance.*\(19, 27\).*\(20, 27\)", lambda c: apr.denoise(c, variance=c[1:])),
     (ValueError, r"depth.*\(20,?\)", lambda c: apr.denoise(c, depth=np.zeros(20))),
     (ValueError, "no feature", lambda c: apr.denoise(c, feature_variance={"albedo": c})),
-    (ValueError, r"27×19.*27×20", lambda c: apr.denoise(c, albedo=2 + c, feature_variance={"albedo": c[1:]})),
+    (ValueError, r"\['albedo'\].*\(19, 27\)", lambda c: apr.denoise(c, albedo=c, feature_variance={"albedo": c[1:]})),
     (ValueError, "2 planes where 3", lambda c: apr.denoise(c, albedo=2 + c, feature_halves={"albedo": (c, c[..., :2])})),
     (ValueError, "twice", lambda c: apr.denoise(c, albedo=c, features={"albedo": c})),
     (ValueError, "balanced", lambda c: apr.denoise(c, preset="magic")),
@@ -207,7 +211,7 @@ def test_a_forked_process_denoises_too(tmp_path):
     (ValueError, "spp is inf", lambda c: apr.read_exr(CYCLES, spp=float("inf"))),
     (ValueError, "spp is NaN", lambda c: apr.write_exr("a.exr", c, spp=float("nan"))),
     (ValueError, r"options\['risk_power'\].*nan", lambda c: apr.denoise(c, options={"risk_power": float("nan")})),
-    (ValueError, "5×5.*27×20.*d.Y|d.Y.*5×5.*27×20",
+    (ValueError, r"layers\['d'\].*\(5, 5\).*\(20, 27\)",
      lambda c: apr.write_exr("a.exr", c, layers={"d": np.zeros((5, 5))})),
     (ValueError, "pixel", lambda c: apr.denoise(c[:0])),
     (TypeError, "complex", lambda c: apr.denoise(c * 1j)),
@@ -215,21 +219,121 @@ def test_a_forked_process_denoises_too(tmp_path):
     (TypeError, "pair", lambda c: apr.denoise(c, albedo=c, feature_halves={"albedo": 3})),
     (TypeError, "sequences", lambda c: apr.read_exr(CYCLES, aovs="auto")),
     (FileNotFoundError, "nowhere.exr", lambda c: apr.read_exr("nowhere.exr")),
+    (FileNotFoundError, "no folder", lambda c: apr.denoise_exr(CYCLES, ROOT / "no folder" / "a.exr")),
     (OSError, "Cargo.toml", lambda c: apr.read_exr(ROOT / "Cargo.toml")),
-    (OSError, "no folder", lambda c: apr.write_exr(ROOT / "no folder" / "a.exr", c)),
+    (FileNotFoundError, "no folder", lambda c: apr.write_exr(ROOT / "no folder" / "a.exr", c)),
     (ValueError, "profile", lambda c: apr.read_exr(CYCLES, profile="povray")),
-    (ValueError, "--inspect", lambda c: apr.read_exr(CYCLES, aovs=["Combined_moon"])),
-    (ValueError, "5 channels", lambda c: apr.write_exr("a.exr", c, layers={"x": np.zeros((20, 27, 5))})),
+    (ValueError, "; apr.inspect_exr without map", lambda c: apr.read_exr(CYCLES, aovs=["Combined_moon"])),
+    (ValueError, " map ", lambda c: apr.read_exr(CYCLES, map={"albedo": "moon"})),
+    (ValueError, "this name.*rename", lambda c: apr.write_exr("a.exr", c, aovs={"x": c}, layers={"x": c})),
 ])
 def test_errors_are_pythons_and_say_what_is_wrong(error, words, call):
     with pytest.raises(error, match=words):
         call(picture()[0])
 
 
+def test_errors_of_files_have_their_number_and_name():
+    with pytest.raises(FileNotFoundError) as raised:
+        apr.read_exr("nowhere.exr")
+    assert raised.value.errno == errno.ENOENT and raised.value.filename == "nowhere.exr"
+    assert str(raised.value).count("nowhere.exr") == 1
+
+
 def test_help_tells_of_every_keyword():
     assert all(getattr(apr, name).__doc__ for name in apr.__all__ if name != "__version__")
     for name in inspect.signature(apr.denoise).parameters:
         assert re.search(rf"\b{name}\b", apr.denoise.__doc__), name
+
+
+def test_types_and_licences_are_there():
+    for function in (apr.read_exr, apr.inspect_exr, apr.denoise_exr):
+        hints = typing.get_type_hints(function)
+        assert set(inspect.signature(function).parameters) < set(hints)
+    noisy, _ = picture()
+    assert apr.denoise(noisy).keys() == typing.get_type_hints(apr.Result).keys()
+    names = {pathlib.Path(file).name for file in importlib.metadata.files("apr-denoise")}
+    assert {"LICENSE-MIT", "LICENSE-APACHE"} <= names
+
+
+def test_what_is_read_is_written_and_read_again(tmp_path):
+    again = tmp_path / "again.exr"
+    for source, options in ((TRACED, {}), (CYCLES, {"aovs": ["auto"], "half": SECOND})):
+        first = apr.read_exr(source, **options)
+        apr.write_exr(again, **first)
+        second = apr.read_exr(again, aovs=list(first["aovs"]))
+        assert first.keys() == second.keys() and same(first["color"], second["color"])
+        assert first["spp"] == second["spp"]
+        for name in ("variance", "halves"):
+            assert (first[name] is None) == (second[name] is None), name
+        for name in ("features", "feature_variance", "aovs"):
+            assert first[name].keys() == second[name].keys(), name
+            assert all(same(first[name][n], second[name][n]) for n in first[name]), name
+        if first["halves"]:  # the second follows from the mean and the first
+            assert same(first["halves"][0], second["halves"][0])
+            assert np.allclose(first["halves"][1], second["halves"][1], rtol=1e-5, atol=1e-6)
+
+
+def test_planes_have_the_names_that_renderers_give_them(tmp_path):
+    noisy, _ = picture()
+    path = tmp_path / "a.exr"
+    apr.write_exr(path, noisy, depth=noisy[..., 0], layers={"normal": noisy, "apr.mse": noisy[..., 1]})
+    channels = apr.inspect_exr(path)["files"][0]["parts"][0]["channels"]
+    names = {channel.split(":")[0] for channel in channels}
+    assert {"depth.Z", "normal.X", "normal.Y", "normal.Z", "apr.mse.Y"} <= names
+    assert {"depth", "normal"} <= apr.read_exr(path)["features"].keys()
+
+
+def test_layouts_are_warned_of_at_the_callers_line(tmp_path):
+    noisy, _ = picture()
+    path = tmp_path / "a.exr"
+    apr.write_exr(path, np.zeros_like(noisy))  # a colour that is nowhere above 0
+    for call in (apr.read_exr, lambda path: apr.denoise_exr(path, tmp_path / "b.exr")):
+        with pytest.warns(apr.LayoutWarning) as told:
+            call(path)
+        assert {pathlib.Path(warning.filename).name for warning in told} == {"test_apr.py"}
+        assert [str(warning.message) for warning in told] == apr.inspect_exr(path)["warnings"]
+    assert issubclass(apr.LayoutWarning, UserWarning)
+
+
+def test_progress_ascends_to_1_and_costs_no_bit():
+    noisy, _ = picture(160, 240)
+    told = []
+    result = apr.denoise(noisy, threads=1, progress=told.append)
+    assert told == sorted(set(told)) and 0 <= told[0] and told[-1] == 1 and len(told) > 2
+    assert same(result["color"], apr.denoise(noisy)["color"])
+
+
+def test_what_progress_raises_stops_the_run_and_leaves_no_file(tmp_path):
+    noisy, _ = picture(480, 640)
+    render, output = tmp_path / "render.exr", tmp_path / "out.exr"
+    apr.write_exr(render, noisy)
+
+    def stop(share):
+        told.append(share)
+        raise Enough(share)
+
+    for call in (lambda: apr.denoise(noisy, progress=stop),
+                 lambda: apr.denoise_exr(render, output, progress=stop)):
+        told = []
+        with pytest.raises(Enough):
+            call()
+        assert len(told) == 1 and told[0] < 1
+    assert list(tmp_path.iterdir()) == [render]
+
+
+class Enough(Exception):
+    pass
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no signals of this kind")
+def test_ctrl_c_ends_a_run(tmp_path):
+    noisy, _ = picture(960, 1280)
+    render, output = tmp_path / "render.exr", tmp_path / "out.exr"
+    apr.write_exr(render, noisy)
+    with pytest.raises(KeyboardInterrupt):
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+        apr.denoise_exr(render, output, preset="best")  # some seconds
+    assert list(tmp_path.iterdir()) == [render], "it went on to the end"
 
 
 def test_other_threads_run_meanwhile():

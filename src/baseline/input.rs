@@ -1,9 +1,8 @@
 //! What every baseline starts from and ends in: the frame repaired and exposed, the result put back.
 
-use crate::denoise::Facts;
 use crate::denoise::exposure::{expose, unexpose_error};
 use crate::denoise::sanitize::{self, Clean};
-use crate::denoise::{prefilter, variance};
+use crate::denoise::{Facts, Silent, prefilter, variance};
 use crate::frame::{Aov, Denoised, Feature, FeatureKind, Frame, Summary};
 use crate::image::{Plane, Rect, Rgb};
 use crate::options::{Options, PrefilterOptions};
@@ -90,8 +89,8 @@ impl<'a> Input<'a> {
         let (mut planes, mut columns) = (vec![], vec![]);
         for (f, feature) in self.feature_list() {
             let noisy = self.facts.feature_is_noisy(f);
-            for (i, plane) in prefilter::apply(Cow::Borrowed(feature), noisy, options).into_iter().enumerate()
-            {
+            let filtered = prefilter::apply(Cow::Borrowed(feature), noisy, options, &Silent);
+            for (i, plane) in filtered.expect("nobody stops it").into_iter().enumerate() {
                 if !self.facts.feature_is_constant(f, i) {
                     columns.push(format!("{}.{i}", feature.name));
                     planes.push(plane);

@@ -202,10 +202,10 @@ impl Denoiser {
         }
     }
 
-    /// Denoises `frame`; of the methods only the pipeline tells `observer` how it goes on.
+    /// Denoises `frame`; of the methods only the pipeline tells `observer` how it goes on, and is stopped by it.
     ///
     /// # Errors
-    /// When an option is out of its range.
+    /// When an option is out of its range, or the observer stops the run.
     pub fn denoise<'a>(&self, frame: impl Into<Cow<'a, Frame>>, observer: &dyn Observer) -> Result<Denoised> {
         self.denoise_in_sequence(frame, &Neighbours::default(), observer)
     }
@@ -214,7 +214,7 @@ impl Denoiser {
     /// pipeline has a use for them.
     ///
     /// # Errors
-    /// When an option is out of its range.
+    /// As [`Denoiser::denoise`].
     pub fn denoise_in_sequence<'a>(
         &self,
         frame: impl Into<Cow<'a, Frame>>,

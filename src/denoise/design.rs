@@ -5,6 +5,7 @@ use super::facts::{Facts, Known};
 use super::observer::Log;
 use super::prefilter;
 use super::surfaces::Spread;
+use crate::error::Result;
 use crate::frame::{Feature, FeatureKind};
 use crate::image::{Plane, Rgb};
 use crate::options::Options;
@@ -29,13 +30,16 @@ pub struct Design {
 impl Design {
     /// Those of `features` that the options ask for; `facts` tell which are noisy or constant, `known` which
     /// planes are a number anywhere.
+    ///
+    /// # Errors
+    /// When the run is to stop.
     pub fn of(
         features: Vec<Cow<'_, Feature>>,
         facts: &Facts,
         known: &Known,
         options: &Options,
         log: &mut Log<'_>,
-    ) -> Self {
+    ) -> Result<Self> {
         let (asked, others): (Vec<_>, Vec<_>) = features
             .into_iter()
             .enumerate()
@@ -44,7 +48,8 @@ impl Design {
         let mut design = Self::default();
         for (f, feature) in asked {
             let (name, kind) = (feature.name.clone(), feature.kind);
-            let filtered = prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter);
+            let filtered =
+                prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter, log.observer)?;
             if let (FeatureKind::Albedo, None, [r, g, b]) = (kind, &design.albedo, &filtered[..]) {
                 design.albedo = Some([r, g, b].map(|plane| floored(plane, options.albedo_floor)));
             }
@@ -66,7 +71,7 @@ impl Design {
                 design.spreads.push(spread);
             }
         }
-        design
+        Ok(design)
     }
 
     /// The same at half the resolution.

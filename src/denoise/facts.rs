@@ -254,8 +254,8 @@ impl Facts {
         options.check()?;
         part.check(&frame)?;
         self.check(&frame, part)?;
-        let (known, log) = (self.known(), &mut Log::silent());
-        let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log);
+        let (known, log) = (self.known(), &mut Log::silent(options));
+        let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log)?;
         self.energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
         let all = self.energy.pixels() == part.picture.0 * part.picture.1;
         self.gains = all.then(|| self.energy.gains(options.outliers.witnesses));

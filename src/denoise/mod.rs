@@ -39,7 +39,7 @@ use crate::error::Result;
 use crate::frame::{Aov, Denoised, Frame, Outline};
 use crate::image::{Rect, Rgb};
 use crate::options::Options;
-use observer::{AsOne, Log};
+use observer::{AsStage, Log};
 use prepare::{Prepared, prepare};
 use reconstruct::{Area, Reconstruction};
 use sanitize::Clean;
@@ -63,7 +63,7 @@ pub fn denoise<'a>(frame: impl Into<Cow<'a, Frame>>, options: &Options) -> Resul
 /// Denoises `frame` and tells `observer` how it goes on.
 ///
 /// # Errors
-/// When an option is out of its range.
+/// When an option is out of its range, or the observer stops the run.
 pub fn denoise_observed<'a>(
     frame: impl Into<Cow<'a, Frame>>,
     options: &Options,
@@ -75,7 +75,7 @@ pub fn denoise_observed<'a>(
 /// Denoises `frame` with the samples of the frames beside it.
 ///
 /// # Errors
-/// When an option is out of its range.
+/// As [`denoise_observed`].
 pub fn denoise_in_sequence<'a>(
     frame: impl Into<Cow<'a, Frame>>,
     neighbours: &Neighbours<'_>,
@@ -92,7 +92,7 @@ pub fn denoise_in_sequence<'a>(
 /// [`Part::read`]. They get the very bits that they have when the picture is denoised as a whole.
 ///
 /// # Errors
-/// When an option is out of its range, the frame is not of the part's size, or the facts are of another picture.
+/// As [`denoise_observed`]; when the frame is not of the part's size, or the facts are of another picture.
 pub fn denoise_part<'a>(
     frame: impl Into<Cow<'a, Frame>>,
     part: &Part,
@@ -114,31 +114,33 @@ fn run(
     options.check()?;
     part.check(&frame)?;
     facts.check(&frame, part)?;
-    let (log, outline) = (&mut Log::new(observer), frame.outline());
+    let (log, outline) = (&mut Log::new(observer, options), frame.outline());
     if !facts.has_noise() {
-        log.begin(Stage::Sanitize);
+        log.begin(Stage::Sanitize)?;
         let clean = sanitize::apply(frame, &facts.known(), facts.exposure(), part.within(), &mut log.summary);
         log.note("nothing to do: the picture has no noise");
         return Ok(unchanged(outline, clean, part, log));
     }
-    let ready = prepare(frame, facts, facts, part, options, log);
+    let ready = prepare(frame, facts, facts, part, options, log)?;
     let gains = energy::gains(facts, &ready, part, options, log)?;
-    let beside = temporal::warped(&outline, &ready, neighbours, facts, options, log);
+    let beside = temporal::warped(&outline, &ready, neighbours, facts, options, log)?;
     let Prepared { signal, .. } = ready;
 
     let [areas, coarse_areas] = areas(part, options);
-    let coarse = options.coarse.then(|| {
-        log.begin(Stage::Coarse);
-        let as_one = AsOne::new(observer, options.stages.len());
-        let log = &mut Log::new(&as_one);
-        fits(&signal.halved(options), vec![], &coarse_areas, &coarse::options(options), log)
-    });
-    let mut result = fits(&signal, beside, &areas, options, log);
+    let mut coarse = None;
+    if options.coarse {
+        log.begin(Stage::Coarse)?;
+        let options = &coarse::options(options);
+        let as_stage = AsStage(log);
+        let log = &mut Log::new(&as_stage, options);
+        coarse = Some(fits(&signal.halved(options), vec![], &coarse_areas, options, log)?);
+    }
+    let mut result = fits(&signal, beside, &areas, options, log)?;
     if let Some(coarse) = coarse {
         coarse::merge(&mut result, &coarse, options.dark_level);
     }
 
-    log.begin(Stage::Energy);
+    log.begin(Stage::Energy)?;
     confidence::estimate(&mut result, options.dark_level);
     if options.restore {
         restore::apply(&mut result, &signal, !facts.noise_is_estimated());
@@ -158,11 +160,11 @@ fn fits(
     areas: &[Area],
     options: &Options,
     log: &mut Log<'_>,
-) -> Reconstruction {
+) -> Result<Reconstruction> {
     let mut fits = Fits::new(signal, beside, options);
     let mut result: Option<Reconstruction> = None;
     for (n, (kernels, area)) in options.stages.iter().zip(areas).enumerate() {
-        log.begin(Stage::Fit(n + 1));
+        log.begin(Stage::Fit(n + 1))?;
         let last = n + 1 == options.stages.len();
         let asked = Asked {
             kernels,
@@ -172,9 +174,9 @@ fn fits(
             targets: if last { signal.targets.len() } else { 3 }, // AOVs go through the last operator alone
             last,
         };
-        result = Some(fits.stage(&asked, result.map(Reconstruction::into_pilot), log));
+        result = Some(fits.stage(&asked, result.map(Reconstruction::into_pilot), log)?);
     }
-    result.expect("the options' check wants at least one stage")
+    Ok(result.expect("the options' check wants at least one stage"))
 }
 
 /// Where every stage works so that the part is right, in the picture and in its blocks.
@@ -204,6 +206,7 @@ fn assemble(outline: Outline, result: Reconstruction, part: &Part, log: &mut Log
         || -> Rgb { std::array::from_fn(|_| planes.next().expect("three planes for every picture")) };
     let color = next();
     let aovs = outline.aovs.into_iter().map(|name| Aov { name, color: next() }).collect();
+    log.observer.progress(1.0);
     let [mse, order] = [result.mse, result.order].map(|plane| plane.into_part(wanted));
     Denoised { color, aovs, mse, order, sampling_priority: None, summary: std::mem::take(&mut log.summary) }
 }

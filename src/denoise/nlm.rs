@@ -3,8 +3,10 @@
 //! For one offset the patch distances of all pixels are a box filter of one difference picture, so a
 //! patch costs a few additions instead of its area.
 
+use super::observer::Observer;
 use super::vectors;
 use super::weights::{self, Guide};
+use crate::error::Result;
 use crate::image::{Plane, Rect};
 use pulp::{Simd, WithSimd};
 use rayon::prelude::*;
@@ -18,13 +20,17 @@ const COLUMNS: usize = 256;
 
 /// Filters `planes` of any unit, whose noise has these `variances`, with weights by themselves (Rousselle, Knaus,
 /// Zwicker 2012).
+///
+/// # Errors
+/// When `observer` stops the run.
 pub fn filter(
     planes: &[Plane],
     variances: &[Plane],
     radius: usize,
     patch_radius: usize,
     bandwidth: f32,
-) -> Vec<Plane> {
+    observer: &dyn Observer,
+) -> Result<Vec<Plane>> {
     let (width, height) = planes[0].size();
     let arch = vectors::widest();
     let mut filtered: Vec<Plane> = planes.iter().map(|_| Plane::filled(width, height, 0.0)).collect();
@@ -33,7 +39,8 @@ pub fn filter(
         let rows = plane.data_mut().chunks_mut(BAND * width);
         bands.iter_mut().zip(rows).for_each(|(band, rows)| band.push(rows));
     }
-    bands.into_par_iter().enumerate().for_each_init(Scratch::default, |scratch, (band, mut out)| {
+    bands.into_par_iter().enumerate().try_for_each_init(Scratch::default, |scratch, (band, mut out)| {
+        observer.go_on()?;
         let rows = band * BAND..((band + 1) * BAND).min(height);
         for left in (0..width).step_by(COLUMNS) {
             let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
@@ -51,8 +58,9 @@ pub fn filter(
                 out: &mut out,
             });
         }
-    });
-    filtered
+        Ok(())
+    })?;
+    Ok(filtered)
 }
 
 /// What a task works with.

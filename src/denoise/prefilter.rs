@@ -5,7 +5,9 @@
 //! (Rousselle, Knaus, Zwicker 2012), weighted by the feature's own variance, takes it out.
 
 use super::nlm;
+use super::observer::Observer;
 use super::variance;
+use crate::error::Result;
 use crate::frame::Feature;
 use crate::image::Plane;
 use crate::options::PrefilterOptions;
@@ -13,9 +15,17 @@ use std::borrow::Cow;
 
 /// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are; `noisy`
 /// tells whether it says so of any pixel of the whole picture.
-pub fn apply(feature: Cow<'_, Feature>, noisy: bool, options: &PrefilterOptions) -> Vec<Plane> {
+///
+/// # Errors
+/// When `observer` stops the run.
+pub fn apply(
+    feature: Cow<'_, Feature>,
+    noisy: bool,
+    options: &PrefilterOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<Plane>> {
     if !options.enabled || !noisy {
-        return planes(feature);
+        return Ok(planes(feature));
     }
     let variances: Vec<Plane> = match (&feature.var_of_mean, &feature.halves) {
         (Some(given), _) => given.iter().map(believed).collect(),
@@ -23,10 +33,10 @@ pub fn apply(feature: Cow<'_, Feature>, noisy: bool, options: &PrefilterOptions)
             let pairs = a.iter().zip(b);
             pairs.map(|(a, b)| variance::smooth(&variance::from_halves(a, b), RADIUS)).collect()
         }
-        (None, None) => return planes(feature),
+        (None, None) => return Ok(planes(feature)),
     };
     let PrefilterOptions { window_radius, patch_radius, bandwidth, .. } = *options;
-    nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth)
+    nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth, observer)
 }
 
 /// Radius over which the variance of a feature is averaged.
@@ -56,6 +66,7 @@ fn planes(feature: Cow<'_, Feature>) -> Vec<Plane> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::denoise::Silent;
     use crate::frame::FeatureKind;
 
     #[test]
@@ -85,7 +96,9 @@ mod tests {
                 Cow::Owned(feature.with_variance_of_mean(vec![variance])),
                 true,
                 &PrefilterOptions::default(),
+                &Silent,
             )
+            .unwrap()
             .remove(0)
         };
         let plain = filtered(1.0);

@@ -2,13 +2,14 @@
 
 use super::design::Design;
 use super::facts::{Facts, Known};
-use super::observer::{Log, Stage};
+use super::observer::{AsStage, Log, Stage};
 use super::outlier::Removed;
 use super::part::Part;
 use super::reconstruct::Area;
 use super::sanitize::{self, Clean};
 use super::signal::{Asked, Fits, Signal};
 use super::{outlier, variance};
+use crate::error::Result;
 use crate::frame::{Frame, Motion};
 use crate::image::Rect;
 use crate::options::Options;
@@ -26,6 +27,9 @@ pub struct Prepared<'a> {
 
 /// Prepares a frame of which `own` facts are known. A frame beside the one that is denoised is brought to that one's
 /// exposure and columns: those of `facts`.
+///
+/// # Errors
+/// When the run is to stop.
 pub fn prepare<'a>(
     frame: Cow<'a, Frame>,
     own: &Facts,
@@ -33,24 +37,27 @@ pub fn prepare<'a>(
     part: &Part,
     options: &Options,
     log: &mut Log<'_>,
-) -> Prepared<'a> {
+) -> Result<Prepared<'a>> {
     let known = own.known();
-    let (mut clean, removed) = without_outliers(frame, &known, facts.exposure(), part, options, log);
+    let (mut clean, removed) = without_outliers(frame, &known, facts.exposure(), part, options, log)?;
     let variance = variance::of_mean(&mut clean, &mut log.summary);
     clean.halves = None; // they have told all that they know, and are six planes
-    log.begin(Stage::Prefilter);
-    let design = Design::of(std::mem::take(&mut clean.features), facts, &known, options, log);
+    log.begin(Stage::Prefilter)?;
+    let design = Design::of(std::mem::take(&mut clean.features), facts, &known, options, log)?;
     let motion = clean.motion.take();
     let mut signal = Signal::new(clean.into_targets(), variance, design, options);
     if own.noise_is_estimated() {
-        log.begin(Stage::Noise);
-        look_again(&mut signal, part, options, log);
+        log.begin(Stage::Noise)?;
+        look_again(&mut signal, part, options, log)?;
     }
-    Prepared { signal, removed, motion }
+    Ok(Prepared { signal, removed, motion })
 }
 
 /// The stages that look at single pixels: repair, an exposure in which the method's constants are meant, and outliers,
 /// whose energy is kept (Moon et al. 2016).
+///
+/// # Errors
+/// When the run is to stop.
 pub fn without_outliers<'a>(
     frame: Cow<'a, Frame>,
     known: &Known,
@@ -58,17 +65,17 @@ pub fn without_outliers<'a>(
     part: &Part,
     options: &Options,
     log: &mut Log<'_>,
-) -> (Clean<'a>, Removed) {
-    log.begin(Stage::Sanitize);
+) -> Result<(Clean<'a>, Removed)> {
+    log.begin(Stage::Sanitize)?;
     let mut clean = sanitize::apply(frame, known, exposure, part.within(), &mut log.summary);
     clean.expose(exposure);
-    log.begin(Stage::Outliers);
+    log.begin(Stage::Outliers)?;
     let removed = outlier::remove(&mut clean, options);
-    (clean, removed)
+    Ok((clean, removed))
 }
 
 /// Estimates the variance again, from what a fit by the first estimate leaves.
-fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>) {
+fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>) -> Result<()> {
     let wanted = Rect::whole(part.read.size());
     let asked = Asked {
         kernels: &options.stages[0],
@@ -78,9 +85,11 @@ fn look_again(signal: &mut Signal, part: &Part, options: &Options, log: &Log<'_>
         targets: 3,
         last: true,
     };
-    let fit = Fits::new(signal, vec![], options).stage(&asked, None, &mut Log::new(log.observer));
+    let as_stage = AsStage(log);
+    let fit = Fits::new(signal, vec![], options).stage(&asked, None, &mut Log::new(&as_stage, options))?;
     let again = |c: usize| variance::from_residual(&signal.targets[c], &fit.targets[c], &signal.variance[c]);
     signal.set_variance(std::array::from_fn(again), options);
+    Ok(())
 }
 
 #[cfg(test)]
@@ -90,8 +99,9 @@ mod tests {
 
     fn noise(frame: Frame) -> Plane {
         let (facts, part) = (Facts::of(&frame), Part::whole((frame.width(), frame.height())));
-        let mut log = Log::silent();
-        let ready = prepare(frame.into(), &facts, &facts, &part, &Options::default(), &mut log);
+        let options = Options::default();
+        let ready =
+            prepare(frame.into(), &facts, &facts, &part, &options, &mut Log::silent(&options)).unwrap();
         let [red, ..] = ready.signal.variance;
         red
     }

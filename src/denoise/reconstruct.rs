@@ -31,6 +31,7 @@ use super::exposure;
 use super::forgiveness;
 use super::solver::{Pilot, Problem, Solver};
 use super::window::Window;
+use crate::error::Result;
 use crate::image::{Plane, Rect, Rgb, mean_of_channels};
 use crate::options::{Kernel, MAX_WINDOW_RADIUS, Options};
 use rayon::prelude::*;
@@ -290,38 +291,40 @@ impl Sums {
 }
 
 /// Sums what the fits of one stage with all its kernels predict. Pixels need a summed weight of `coverage`;
-/// `progress` hears the share that is done.
+/// `tick` hears the share that is done, before every tile.
+///
+/// # Errors
+/// Those of `tick`, which end the work.
 pub fn run(
     problem: &Problem<'_>,
     kernels: &[Kernel],
     coverage: f32,
     area: Area,
-    progress: &(dyn Fn(f32) + Sync),
-) -> Sums {
+    tick: &(dyn Fn(f32) -> Result<()> + Sync),
+) -> Result<Sums> {
     let size @ (width, height) = problem.targets[0].size();
     let (spacing, radius) = (problem.options.center_spacing, problem.options.window_radius);
     let mut sums = Sums::new(Rect::whole(size), problem.targets.len(), area.counted);
     let tested = tested(area.wanted, area.origin, size, radius);
     let (grid_tiles, tested) = (tiles(tested.grown(radius, size), area.origin), tiles(tested, area.origin));
     let (done, all) = (AtomicUsize::new(0), grid_tiles.len() + tested.len());
-    let tick = || progress(done.fetch_add(1, Ordering::Relaxed) as f32 / all as f32);
+    let tick = || tick(done.fetch_add(1, Ordering::Relaxed) as f32 / all as f32);
 
     let taper = taper(radius, problem.options.taper_power);
     let on_grid = |i: usize| i % spacing == spacing / 2;
-    in_tiles(problem, &mut sums, &grid_tiles, |solver, local, tile| {
+    in_tiles(problem, &mut sums, &grid_tiles, &tick, |solver, local, tile| {
         for y in (tile.y..tile.y + tile.height).filter(|y| on_grid(y + area.origin.1)) {
             for x in (tile.x..tile.x + tile.width).filter(|x| on_grid(x + area.origin.0)) {
                 center(problem, solver, local, (x, y), kernels, &taper);
             }
         }
-        tick();
-    });
+    })?;
     sums.grid_fits = sums.fits;
     let bandwidth = kernels.iter().fold(0.0f32, |widest, kernel| widest.max(kernel.bandwidth));
     let widest: Vec<Kernel> =
         kernels.iter().copied().filter(|kernel| kernel.bandwidth == bandwidth).collect();
     let grid = Plane::par_from_fn(width, height, |x, y| sums.coverage(x, y));
-    in_tiles(problem, &mut sums, &tested, |solver, local, tile| {
+    in_tiles(problem, &mut sums, &tested, &tick, |solver, local, tile| {
         for y in tile.y..tile.y + tile.height {
             for x in tile.x..tile.x + tile.width {
                 let covered = grid.get(x, y) + local.coverage(x, y);
@@ -330,35 +333,37 @@ pub fn run(
                 }
             }
         }
-        tick();
-    });
-    sums
+    })?;
+    Ok(sums)
 }
 
 /// Runs `work` on every tile, in parallel, and adds what it sums to `sums` in the tiles' order. `work`
-/// gets a solver, the tile's own sums and the tile.
+/// gets a solver, the tile's own sums and the tile; `tick` is called before, and its error ends the work.
 fn in_tiles(
     problem: &Problem<'_>,
     sums: &mut Sums,
     tiles: &[Rect],
+    tick: &(impl Fn() -> Result<()> + Sync),
     work: impl Fn(&mut Solver<'_>, &mut Sums, Rect) + Sync,
-) {
+) -> Result<()> {
     let (radius, size) = (problem.options.window_radius, problem.targets[0].size());
     let (targets, counted) = (problem.targets.len(), sums.counted);
     for group in tiles.chunks(GROUP) {
-        let done: Vec<Sums> = group
+        let done: Result<Vec<Sums>> = group
             .par_iter()
             .map_init(
                 || Solver::new(problem),
                 |solver, tile| {
+                    tick()?;
                     let mut local = Sums::new(tile.grown(radius, size), targets, counted);
                     work(solver, &mut local, *tile);
-                    local
+                    Ok(local)
                 },
             )
             .collect();
-        sums.add(&done);
+        sums.add(&done?);
     }
+    Ok(())
 }
 
 /// What predictions count for by their place in an unclipped window along one axis.

@@ -5,10 +5,11 @@ use super::design::Design;
 use super::forgiveness;
 use super::guides::{Guided, Guides};
 use super::observer::Log;
-use super::reconstruct::{self, Area, Reconstruction, Sums};
+use super::reconstruct::{self, Area, Reconstruction};
 use super::solver::{Pilot, Problem};
 use super::temporal::Warped;
 use super::{coarse, variance};
+use crate::error::Result;
 use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::{Kernel, Options};
 
@@ -99,7 +100,15 @@ impl<'a> Fits<'a> {
     }
 
     /// One stage, which knows of the true picture what `pilot` says.
-    pub fn stage(&mut self, asked: &Asked<'_>, pilot: Option<Pilot>, log: &mut Log<'_>) -> Reconstruction {
+    ///
+    /// # Errors
+    /// When the run is to stop.
+    pub fn stage(
+        &mut self,
+        asked: &Asked<'_>,
+        pilot: Option<Pilot>,
+        log: &mut Log<'_>,
+    ) -> Result<Reconstruction> {
         let (signal, options) = (self.signal, self.options);
         self.guides = std::mem::take(&mut self.guides).turned_to(asked.kernels, signal.guided(), options);
         if let Some(pilot) = pilot.as_ref().filter(|_| options.tolerance > 0.0) {
@@ -124,11 +133,15 @@ impl<'a> Fits<'a> {
         };
         let pass = |(n, factor): (usize, &f32)| {
             let kernels: Vec<Kernel> = asked.kernels.iter().map(|kernel| kernel.widened(*factor)).collect();
-            let hear = |done| log.observer.progress((n as f32 + done) / asked.bandwidths.len() as f32);
-            reconstruct::run(&problem, &kernels, asked.coverage, asked.area, &hear)
+            let tick = |done| {
+                log.progress((n as f32 + done) / asked.bandwidths.len() as f32);
+                log.observer.go_on()
+            };
+            reconstruct::run(&problem, &kernels, asked.coverage, asked.area, &tick)
         };
         let passes = asked.bandwidths.iter().enumerate().map(pass);
-        let sums = passes.reduce(Sums::and).expect("the options' check wants at least one bandwidth");
+        let sums = passes.reduce(|all, pass| Ok(all?.and(pass?)));
+        let sums = sums.expect("the options' check wants at least one bandwidth")?;
         if asked.last {
             self.guides = Guides::default(); // the result has room where these were
         }
@@ -136,6 +149,6 @@ impl<'a> Fits<'a> {
         log.summary.centres += result.fits;
         log.summary.coverage_centres += result.coverage_fits;
         log.summary.orders = result.orders;
-        result
+        Ok(result)
     }
 }

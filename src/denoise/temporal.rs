@@ -5,12 +5,13 @@
 
 use super::facts::Facts;
 use super::guides::{Guided, Guides};
-use super::observer::Log;
+use super::observer::{Log, Unheard};
 use super::part::Part;
 use super::prepare::{Prepared, prepare};
 use super::signal::Signal;
 use super::variance;
 use super::warp::{Flow, Vectors, distrust_copies, distrust_surfaces, steadiness};
+use crate::error;
 use crate::frame::{Beside, FeatureKind, Frame, Motion, Outline};
 use crate::image::{Plane, Rgb, sum_of_channels};
 use crate::options::Options;
@@ -113,6 +114,9 @@ impl<'a> Way<'a> {
 
 /// Brings all of `neighbours` that can be used to the pixels, the exposure and the columns of the frame of this `outline`
 /// and these `facts`, of which `ready` was made, and tells which they are and why others are not.
+///
+/// # Errors
+/// When the run is to stop.
 pub(super) fn warped(
     outline: &Outline,
     ready: &Prepared<'_>,
@@ -120,7 +124,7 @@ pub(super) fn warped(
     facts: &Facts,
     options: &Options,
     log: &mut Log<'_>,
-) -> Vec<Warped> {
+) -> error::Result<Vec<Warped>> {
     let part = &Part::whole(outline.size);
     let mut found = vec![];
     for (side, frames, sign) in [(Side::Before, &neighbours.before, -1), (Side::After, &neighbours.after, 1)]
@@ -134,7 +138,9 @@ pub(super) fn warped(
                 break;
             }
             let own = Facts::of(neighbour);
-            let there = prepare((*neighbour).into(), &own, facts, part, options, &mut Log::silent());
+            let unheard = Unheard(log.observer);
+            let its_log = &mut Log::new(&unheard, options);
+            let there = prepare((*neighbour).into(), &own, facts, part, options, its_log)?;
             let warped = warp(&ready.signal, &there.signal, &way.flow, options);
             let pixels = warped.trust.data().len() as f64;
             let trusted = warped.trust.data().iter().map(|t| f64::from(*t)).sum::<f64>() / pixels;
@@ -142,7 +148,7 @@ pub(super) fn warped(
             found.push(warped);
         }
     }
-    found
+    Ok(found)
 }
 
 /// Whether two frames have the same kinds of planes.

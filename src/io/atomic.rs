@@ -268,11 +268,13 @@ fn cannot_begin(error: &std::io::Error) -> Error {
         Cause::InvalidFilename => "give it a shorter name",
         _ => return cannot_write(error),
     };
-    Error::new(ErrorKind::Misplaced, format!("cannot be written: {error}")).remedy(remedy)
+    let what = format!("cannot be written: {error}");
+    Error::new(ErrorKind::Misplaced, what).of_system(error).remedy(remedy)
 }
 
 fn cannot_write(error: &std::io::Error) -> Error {
     Error::new(ErrorKind::Unwritable, format!("cannot be written: {error}"))
+        .of_system(error)
         .remedy("check that the disk has room and that its server answers")
 }
 

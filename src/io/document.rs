@@ -515,6 +515,7 @@ fn damaged(what: String) -> Error {
 
 fn io_error(error: &std::io::Error) -> Error {
     Error::new(ErrorKind::Unreadable, format!("cannot be read: {error}"))
+        .of_system(error)
         .remedy("check the name and the permissions")
 }
 

@@ -1,24 +1,15 @@
 """Types of the compiled part; what the functions do, `help` of each tells."""
 
 import os
-from typing import Any, Mapping, Sequence, TypedDict
+from typing import Any, Callable, Mapping, Sequence
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from . import Result
 
 __version__: str
 
-class Result(TypedDict):
-    color: NDArray[np.float32]
-    """The denoised colour, height × width × 3."""
-    aovs: dict[str, NDArray[np.float32]]
-    """The components through the same operator."""
-    mse: NDArray[np.float32]
-    """Estimated mean squared error of ``color`` over its channels, height × width, never negative."""
-    order: NDArray[np.float32]
-    """Polynomial order chosen, averaged over the fits that cover the pixel, 0 to 3."""
-    summary: dict[str, Any]
-    """Counts of repaired pixels, outliers, fits; notes."""
+class LayoutWarning(UserWarning): ...
 
 def denoise(
     color: ArrayLike,
@@ -38,13 +29,26 @@ def denoise(
     preset: str = "balanced",
     options: Mapping[str, Any] | None = None,
     threads: int | None = None,
+    progress: Callable[[float], object] | None = None,
 ) -> Result: ...
 
-def read_exr(path: str | os.PathLike[str], reading: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]: ...
+def read_exr(path: str | os.PathLike[str], reading: Mapping[str, Any]) -> dict[str, Any]: ...
+def inspect_exr(path: str | os.PathLike[str], reading: Mapping[str, Any]) -> dict[str, Any]: ...
 def write_exr(
     path: str | os.PathLike[str],
     color: ArrayLike,
     *,
+    variance: ArrayLike | None = None,
+    halves: Sequence[ArrayLike] | ArrayLike | None = None,
+    albedo: ArrayLike | None = None,
+    normal: ArrayLike | None = None,
+    position: ArrayLike | None = None,
+    depth: ArrayLike | None = None,
+    visibility: ArrayLike | None = None,
+    features: Mapping[str, ArrayLike] | None = None,
+    feature_variance: Mapping[str, ArrayLike] | None = None,
+    feature_halves: Mapping[str, Sequence[ArrayLike] | ArrayLike] | None = None,
+    aovs: Mapping[str, ArrayLike] | None = None,
     layers: Mapping[str, ArrayLike] | None = None,
     spp: float | None = None,
     seed: int | None = None,
@@ -58,4 +62,5 @@ def denoise_exr(
     options: Mapping[str, Any] | None,
     aux: bool,
     threads: int | None,
+    progress: Callable[[float], object] | None,
 ) -> dict[str, Any]: ...

@@ -15,9 +15,6 @@ const STEP: u32 = 5;
 const PAUSE: Duration = Duration::from_secs(1);
 const DONE: u32 = 100;
 
-/// What the fits of the picture at half its resolution take, in stages of the whole one.
-pub const COARSE: f32 = 0.5;
-
 /// How progress is told.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum Style {
@@ -34,8 +31,6 @@ pub enum Style {
 /// Where the progress of all frames is shown. It never goes back.
 pub struct Progress {
     shown: Shown,
-    /// How many stages of fits each frame has, in whole ones of the picture at its full resolution.
-    fits: f32,
     state: Mutex<State>,
 }
 
@@ -56,9 +51,8 @@ struct State {
 }
 
 impl Progress {
-    /// For so many frames with so many stages of fits; that of half the resolution counts [`COARSE`]. There are no
-    /// lines where nobody `listens` to the standard output.
-    pub fn new(style: Style, listens: bool, frames: usize, fits: f32) -> Self {
+    /// For so many frames. There are no lines where nobody `listens` to the standard output.
+    pub fn new(style: Style, listens: bool, frames: usize) -> Self {
         let bar = || {
             let style = ProgressStyle::with_template("{msg:24} {bar:40} {percent:>3} % {elapsed}");
             Shown::Bar(ProgressBar::new(100).with_style(style.expect("the template is constant")))
@@ -70,13 +64,12 @@ impl Progress {
             _ => Shown::Nowhere,
         };
         let state = Mutex::new(State { frames: vec![0.0; frames], sum: 0.0, told: 0, at: Instant::now() });
-        Self { shown, fits, state }
+        Self { shown, state }
     }
 
     /// The progress of the frame of this index; `label` is put before its stages on a terminal.
     pub fn of_frame(&self, index: usize, label: Option<String>) -> FrameProgress<'_> {
-        let span = Mutex::new(Span { from: 0.0, to: 0.0 });
-        FrameProgress { all: self, index, label, span }
+        FrameProgress { all: self, index, label }
     }
 
     /// Lets `speak` write lines where a bar may be.
@@ -126,13 +119,6 @@ pub struct FrameProgress<'a> {
     all: &'a Progress,
     index: usize,
     label: Option<String>,
-    span: Mutex<Span>,
-}
-
-/// The frame's part that the current stage covers, in per cent.
-struct Span {
-    from: f32,
-    to: f32,
 }
 
 impl FrameProgress<'_> {
@@ -142,19 +128,18 @@ impl FrameProgress<'_> {
             let label = self.label.as_deref().map_or(String::new(), |label| format!("{label} "));
             bar.set_message(format!("{label}{name}"));
         }
-        {
-            let mut span = locked(&self.span);
-            span.from = span.to;
-            span.to = end_of(name, span.to, self.all.fits);
+        match name {
+            "read" => self.all.set(self.index, 0.0),
+            "write" => self.share(1.0),
+            other => share_of_bands(other).into_iter().for_each(|done| self.share(done)),
         }
-        self.share(0.0);
     }
 
-    /// The share of the current stage that is done.
+    /// The share of the work between reading and writing that is done.
     pub fn share(&self, done: f32) {
-        let span = locked(&self.span);
-        let percent = span.from + (span.to - span.from) * done.clamp(0.0, 1.0);
-        self.all.set(self.index, percent.into());
+        /// Where that begins and ends, in per cent of the frame: by experience.
+        const WORK: [f32; 2] = [2.0, 97.0];
+        self.all.set(self.index, (WORK[0] + (WORK[1] - WORK[0]) * done).into());
     }
 
     /// The frame is done.
@@ -168,55 +153,13 @@ pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Where a stage ends, in per cent of the frame: by experience nearly all of it is fitting.
-fn end_of(stage: &str, before: f32, fits: f32) -> f32 {
-    const FITS_BEGIN: f32 = 8.0;
-    const FITS_END: f32 = 96.0;
-    const FITTING: f32 = FITS_END - FITS_BEGIN;
-    let end = match stage {
-        "read" => 2.0,
-        "sanitize" | "outliers" => 3.0,
-        "prefilter" => 6.0,
-        "noise" => FITS_BEGIN,
-        "energy" => 97.0,
-        "write" => 100.0,
-        "coarse" => (before + COARSE * FITTING / fits).min(FITS_END),
-        other => match share_of_bands(other) {
-            Some(done) => FITS_BEGIN + FITTING * done,
-            None => (before + FITTING / fits).min(FITS_END),
-        },
-    };
-    end.max(before)
-}
-
-/// The share that is done when the stage `band 2 of 5` ends; none of other stages.
+/// The share of all bands that is done when the stage `band 2 of 5` begins; none of other stages.
 fn share_of_bands(stage: &str) -> Option<f32> {
     let (band, bands) = stage.strip_prefix("band ")?.split_once(" of ")?;
-    Some(band.parse::<f32>().ok()? / bands.parse::<f32>().ok()?)
+    Some((band.parse::<f32>().ok()? - 1.0) / bands.parse::<f32>().ok()?)
 }
 
 /// The protocol of render farms: `progress NN` on the standard output. Nobody has to listen.
 fn line(percent: u32) {
     let _ = print(&format!("progress {percent}"));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn stages_ascend_and_leave_room_for_the_rest() {
-        let bands: Vec<String> = (1..=40).map(|n| format!("band {n} of 40")).collect();
-        let fits: Vec<String> = (1..=9).map(|n| format!("fit {n}")).collect();
-        for stages in [bands, fits] {
-            let end = |before: f32, stage: &String| end_of(stage, before, 2.5);
-            let ends = stages.iter().scan(end_of("read", 0.0, 2.5), |before, stage| {
-                *before = end(*before, stage);
-                Some(*before)
-            });
-            let ends: Vec<f32> = ends.collect();
-            assert!(ends.is_sorted() && ends.iter().all(|&end| (2.0..=96.0).contains(&end)), "{ends:?}");
-            assert_eq!(end_of("write", ends[ends.len() - 1], 2.5), 100.0);
-        }
-    }
 }

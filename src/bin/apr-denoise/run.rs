@@ -21,7 +21,7 @@ use crate::failure::caught;
 use crate::made_of::{Fingerprints, MadeOf};
 use crate::parts::{Input, Output, Used};
 use crate::plan::{Job, Plan};
-use crate::progress::{self, Progress, Style, locked};
+use crate::progress::{Progress, Style, locked};
 use crate::remarks::{Remark, Remarks};
 use crate::report::Report;
 use crate::sampling::Sampling;
@@ -67,16 +67,13 @@ pub fn run(plan: &Plan, arguments: &Arguments, denoiser: &Denoiser, signature: &
     if let Some(note) = plan.note_of_stale().filter(|_| !arguments.quiet) {
         complain(&format!("{}: {note}", Remark::Note.name()));
     }
-    let stages = denoiser.pipeline().map_or(1.0, |options| {
-        options.stages.len() as f32 + if options.coarse { progress::COARSE } else { 0.0 }
-    });
     let style = if arguments.quiet { Style::None } else { arguments.progress };
     let run = Run {
         plan,
         arguments,
         denoiser,
         signature,
-        progress: Progress::new(style, arguments.answers(), plan.jobs.len(), stages),
+        progress: Progress::new(style, arguments.answers(), plan.jobs.len()),
         last: AtomicUsize::new(usize::MAX),
         target_missed: AtomicBool::new(false),
         outcomes: report_when_stopped(plan, arguments, denoiser, begun),
