@@ -115,15 +115,9 @@ pub fn write_exr<'py>(
     seed: Option<u64>,
 ) -> PyResult<()> {
     io::check_ending(&path).map_err(raised)?;
-    let named = [
-        ("albedo", albedo),
-        ("normal", normal),
-        ("position", position),
-        ("depth", depth),
-        ("visibility", visibility),
-    ];
+    let surfaces = [albedo, normal, position, depth, visibility];
     let given =
-        Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
+        Given { color, variance, halves, surfaces, features, feature_variance, feature_halves, aovs, spp };
     let mut frame = given.frame(|_| ())?;
     for (name, array) in items(layers)? {
         let what = format!("layers['{name}']");

@@ -10,12 +10,16 @@ use serde::Serialize;
 use crate::arrays::{from_plane, from_planes, planes, rgb};
 use crate::errors::raised;
 
+/// The features that have a keyword of their own.
+const SURFACES: [&str; 5] = ["albedo", "normal", "position", "depth", "visibility"];
+
 /// What `denoise` is given, and `write_exr`.
 pub struct Given<'a, 'py> {
     pub color: &'a Bound<'py, PyAny>,
     pub variance: Option<&'a Bound<'py, PyAny>>,
     pub halves: Option<&'a Bound<'py, PyAny>>,
-    pub named: [(&'static str, Option<Bound<'py, PyAny>>); 5],
+    /// Of every one of [`SURFACES`], in their order.
+    pub surfaces: [Option<Bound<'py, PyAny>>; SURFACES.len()],
     pub features: Option<&'a Bound<'py, PyMapping>>,
     pub feature_variance: Option<&'a Bound<'py, PyMapping>>,
     pub feature_halves: Option<&'a Bound<'py, PyMapping>>,
@@ -66,8 +70,10 @@ impl<'py> Given<'_, 'py> {
 
     /// The features by keyword, then those of the dictionary, in its order.
     fn all_features(&self) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
-        let by_keyword =
-            self.named.iter().filter_map(|(name, array)| Some(((*name).to_owned(), array.clone()?)));
+        let by_keyword = SURFACES
+            .iter()
+            .zip(&self.surfaces)
+            .filter_map(|(name, array)| Some(((*name).to_owned(), array.clone()?)));
         let mut all: Vec<(String, Bound<PyAny>)> = by_keyword.collect();
         for (name, array) in items(self.features)? {
             if all.iter().any(|(other, _)| *other == name) {

@@ -79,15 +79,9 @@ fn denoise<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let options = chosen(preset, options)?;
     let threads = Threads::new(threads)?;
-    let named = [
-        ("albedo", albedo),
-        ("normal", normal),
-        ("position", position),
-        ("depth", depth),
-        ("visibility", visibility),
-    ];
+    let surfaces = [albedo, normal, position, depth, visibility];
     let given =
-        Given { color, variance, halves, named, features, feature_variance, feature_halves, aovs, spp };
+        Given { color, variance, halves, surfaces, features, feature_variance, feature_halves, aovs, spp };
     let mut notes = vec![];
     let frame = given.frame(|feature| notes.extend(py.detach(|| bound_feature(feature))))?;
     notes.extend(py.detach(|| other_halves(&frame)));
