@@ -90,7 +90,7 @@ impl<'a> Input<'a> {
         for (f, feature) in self.feature_list() {
             let noisy = self.facts.feature_is_noisy(f);
             let filtered = prefilter::apply(Cow::Borrowed(feature), noisy, options, &Silent);
-            for (i, plane) in filtered.expect("nobody stops it").into_iter().enumerate() {
+            for (i, plane) in filtered.expect("nobody stops it").planes.into_iter().enumerate() {
                 if !self.facts.feature_is_constant(f, i) {
                     columns.push(format!("{}.{i}", feature.name));
                     planes.push(plane);

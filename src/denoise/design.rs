@@ -3,16 +3,22 @@
 use super::coarse;
 use super::facts::{Facts, Known};
 use super::observer::Log;
-use super::prefilter;
+use super::prefilter::{self, Prefiltered};
 use super::surfaces::Spread;
 use crate::error::Result;
 use crate::frame::{Feature, FeatureKind};
 use crate::image::{Plane, Rgb};
 use crate::options::Options;
+use rayon::prelude::*;
 use std::borrow::Cow;
 
 /// Albedo beyond this is none: what is divided by it and multiplied by it again keeps its order.
 const LARGEST_ALBEDO: f32 = 100.0;
+
+/// Albedo under this does not make its noise count for more: what is seen there does not come of it. `[choice]` of 0.01,
+/// 0.03, 0.05 and 0.1: the estimated error's deviation from the true one over 35 scenes at 16 to 256 spp, not bounded yet,
+/// ×2.21, ×1.70, ×1.66 and ×1.67.
+const NOISE_FLOOR: f32 = 0.05;
 
 /// The features of a picture.
 #[derive(Default)]
@@ -25,6 +31,8 @@ pub struct Design {
     pub spreads: Vec<Spread>,
     /// The albedo, its floor added, that demodulated kernels divide by.
     pub albedo: Option<Rgb>,
+    /// The variance of the noise that is left in it, relative to its square; none where it is not known.
+    pub albedo_noise: Option<Plane>,
 }
 
 impl Design {
@@ -48,13 +56,15 @@ impl Design {
         let mut design = Self::default();
         for (f, feature) in asked {
             let (name, kind) = (feature.name.clone(), feature.kind);
-            let filtered =
+            let Prefiltered { planes, noise } =
                 prefilter::apply(feature, facts.feature_is_noisy(f), &options.prefilter, log.observer)?;
-            if let (FeatureKind::Albedo, None, [r, g, b]) = (kind, &design.albedo, &filtered[..]) {
-                design.albedo = Some([r, g, b].map(|plane| floored(plane, options.albedo_floor)));
+            if let (FeatureKind::Albedo, None, [r, g, b]) = (kind, &design.albedo, &planes[..]) {
+                let albedo = [r, g, b];
+                design.albedo = Some(albedo.map(|plane| floored(plane, options.albedo_floor)));
+                design.albedo_noise = noise.map(|noise| relative(noise, albedo));
             }
             let mut spread = Spread { planes: 0, variance: 0.0, is_distance: kind == FeatureKind::Depth };
-            for (i, plane) in filtered.into_iter().enumerate() {
+            for (i, plane) in planes.into_iter().enumerate() {
                 let name = format!("{name}.{i}");
                 if facts.feature_is_constant(f, i) {
                     let why = if known.features[f].planes[i] { "constant" } else { "a number at no pixel" };
@@ -81,6 +91,7 @@ impl Design {
             kinds: self.kinds.clone(),
             spreads: self.spreads.clone(),
             albedo: self.albedo.as_ref().map(|albedo| albedo.each_ref().map(coarse::halve)),
+            albedo_noise: None, // the blocks' error is not estimated
         }
     }
 }
@@ -89,4 +100,15 @@ fn floored(albedo: &Plane, floor: f32) -> Plane {
     Plane::par_from_fn(albedo.width(), albedo.height(), |x, y| {
         albedo.get(x, y).clamp(0.0, LARGEST_ALBEDO) + floor
     })
+}
+
+/// `noise` over the mean square of the channels of `albedo`.
+fn relative(mut noise: Plane, albedo: [&Plane; 3]) -> Plane {
+    noise.rows_mut().enumerate().for_each(|(y, row)| {
+        for (x, noise) in row.iter_mut().enumerate() {
+            let channel = |plane: &&Plane| plane.get(x, y).clamp(0.0, LARGEST_ALBEDO).powi(2);
+            *noise /= albedo.iter().map(channel).sum::<f32>() / 3.0 + NOISE_FLOOR.powi(2);
+        }
+    });
+    noise
 }

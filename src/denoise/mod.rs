@@ -141,7 +141,7 @@ fn run(
     }
 
     log.begin(Stage::Energy)?;
-    confidence::estimate(&mut result, options.dark_level);
+    confidence::estimate(&mut result, signal.design.albedo_noise.as_ref(), options.dark_level);
     if options.restore {
         restore::apply(&mut result, &signal, !facts.noise_is_estimated());
     }

@@ -18,6 +18,14 @@ const BAND: usize = 16;
 /// Columns that are filtered together: what they need stays in the cache.
 const COLUMNS: usize = 256;
 
+/// Planes that were filtered.
+pub struct Filtered {
+    /// Their values.
+    pub planes: Vec<Plane>,
+    /// The summed weights, of which the pixel's own is one: by so much less is the variance of what is left of the noise.
+    pub weights: Plane,
+}
+
 /// Filters `planes` of any unit, whose noise has these `variances`, with weights by themselves (Rousselle, Knaus,
 /// Zwicker 2012).
 ///
@@ -30,12 +38,13 @@ pub fn filter(
     patch_radius: usize,
     bandwidth: f32,
     observer: &dyn Observer,
-) -> Result<Vec<Plane>> {
+) -> Result<Filtered> {
     let (width, height) = planes[0].size();
     let arch = vectors::widest();
-    let mut filtered: Vec<Plane> = planes.iter().map(|_| Plane::filled(width, height, 0.0)).collect();
+    let empty = || Plane::filled(width, height, 0.0);
+    let mut filtered = Filtered { planes: planes.iter().map(|_| empty()).collect(), weights: empty() };
     let mut bands: Vec<Vec<&mut [f32]>> = (0..height.div_ceil(BAND)).map(|_| vec![]).collect();
-    for plane in &mut filtered {
+    for plane in filtered.planes.iter_mut().chain([&mut filtered.weights]) {
         let rows = plane.data_mut().chunks_mut(BAND * width);
         bands.iter_mut().zip(rows).for_each(|(band, rows)| band.push(rows));
     }
@@ -87,7 +96,7 @@ struct Part<'a, 'b> {
     rows: Range<usize>,
     columns: Range<usize>,
     scratch: &'a mut Scratch,
-    /// All columns of the rows, filtered.
+    /// All columns of the rows: the filtered planes, then the weights.
     out: &'a mut [&'b mut [f32]],
 }
 
@@ -144,6 +153,10 @@ impl WithSimd for Part<'_, '_> {
                     }
                 }
             }
+        }
+        let (weights, out) = out.split_last_mut().expect("there is always a plane for the weights");
+        for (total, out) in total.chunks_exact(width).zip(weights.chunks_exact_mut(picture_width)) {
+            out[columns.clone()].copy_from_slice(total);
         }
         for (sums, out) in sums.iter().zip(out) {
             let lines = sums.chunks_exact(width).zip(total.chunks_exact(width));

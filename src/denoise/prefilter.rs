@@ -13,6 +13,14 @@ use crate::image::Plane;
 use crate::options::PrefilterOptions;
 use std::borrow::Cow;
 
+/// A feature as the fits see it.
+pub struct Prefiltered {
+    /// Its planes.
+    pub planes: Vec<Plane>,
+    /// The variance of what is left of their noise, averaged over the planes; none where it is not known.
+    pub noise: Option<Plane>,
+}
+
 /// The planes of `feature`, filtered where a variance (or half buffers) says how noisy they are; `noisy`
 /// tells whether it says so of any pixel of the whole picture.
 ///
@@ -23,9 +31,10 @@ pub fn apply(
     noisy: bool,
     options: &PrefilterOptions,
     observer: &dyn Observer,
-) -> Result<Vec<Plane>> {
+) -> Result<Prefiltered> {
+    let as_it_is = |feature| Ok(Prefiltered { planes: planes(feature), noise: None });
     if !options.enabled || !noisy {
-        return Ok(planes(feature));
+        return as_it_is(feature);
     }
     let variances: Vec<Plane> = match (&feature.var_of_mean, &feature.halves) {
         (Some(given), _) => given.iter().map(believed).collect(),
@@ -33,10 +42,16 @@ pub fn apply(
             let pairs = a.iter().zip(b);
             pairs.map(|(a, b)| variance::smooth(&variance::from_halves(a, b), RADIUS)).collect()
         }
-        (None, None) => return Ok(planes(feature)),
+        (None, None) => return as_it_is(feature),
     };
     let PrefilterOptions { window_radius, patch_radius, bandwidth, .. } = *options;
-    nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth, observer)
+    let nlm::Filtered { planes, weights } =
+        nlm::filter(&feature.planes, &variances, window_radius, patch_radius, bandwidth, observer)?;
+    let noise = Plane::par_from_fn(weights.width(), weights.height(), |x, y| {
+        let variance: f32 = variances.iter().map(|plane| plane.get(x, y) / variances.len() as f32).sum();
+        variance / weights.get(x, y)
+    });
+    Ok(Prefiltered { planes, noise: Some(noise) })
 }
 
 /// Radius over which the variance of a feature is averaged.
@@ -79,6 +94,30 @@ mod tests {
     }
 
     #[test]
+    fn what_is_left_of_the_noise_is_what_it_says() {
+        let mut seed = 7u32;
+        let mut uniform = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1 << 24) as f32 - 0.5
+        };
+        let mut gaussian = || 0.1 * (0..12).map(|_| uniform()).sum::<f32>();
+        let truth = |x: usize| if x < 32 { 0.2 } else { 0.8 };
+        let noisy = Plane::from_fn(64, 64, |x, _| truth(x) + gaussian());
+        let feature = Feature::new("x", FeatureKind::Other, vec![noisy])
+            .with_variance_of_mean(vec![Plane::filled(64, 64, 0.01)]);
+        let Prefiltered { planes, noise } =
+            apply(Cow::Owned(feature), true, &PrefilterOptions::default(), &Silent).unwrap();
+        let noise = noise.expect("its variance is known");
+        let mean = |f: &dyn Fn(usize, usize) -> f32| {
+            (0..64).flat_map(|y| (0..64).map(move |x| (x, y))).map(|(x, y)| f64::from(f(x, y))).sum::<f64>()
+                / 4096.0
+        };
+        let [is, said] =
+            [mean(&|x, y| (planes[0].get(x, y) - truth(x)).powi(2)), mean(&|x, y| noise.get(x, y))];
+        assert!(is < 0.003 && (0.5..2.0).contains(&(said / is)), "{said} instead of {is}");
+    }
+
+    #[test]
     fn the_unit_of_a_feature_does_not_matter() {
         let grain = |x: usize, y: usize| ((x * 7919 + y * 104_729) % 13) as f32 / 13.0 - 0.5;
         let filtered = |unit: f32| {
@@ -99,6 +138,7 @@ mod tests {
                 &Silent,
             )
             .unwrap()
+            .planes
             .remove(0)
         };
         let plain = filtered(1.0);
