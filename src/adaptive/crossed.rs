@@ -26,7 +26,7 @@ use crate::sampling::relative_error;
 const BLOCK: usize = 2;
 
 /// The share of the geometric mean that is the error.
-const CALIBRATION: f32 = 0.4;
+const CALIBRATION: f32 = 0.45;
 
 /// Radius over which the noise is averaged: a pixel's own is as noisy as the pixel.
 const NOISE_RADIUS: usize = 2;
