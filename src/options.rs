@@ -87,7 +87,7 @@ described! {
         #[range(0..=15)]
         pub variance_radius: usize,
         /// Fits are averaged by K·(floor/(ξ + floor))^power from the second stage on; 0 is the published K alone.
-        /// `[choice]` in `denoise/reconstruct.rs`.
+        /// `[choice]` in `denoise/amounts.rs`.
         #[range(0.0..=4.0)]
         pub risk_power: f32,
         /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along

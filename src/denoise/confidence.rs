@@ -22,7 +22,7 @@
 //! whose albedo passes its own noise on, which no stage sees; most among many lamps and out of focus at 16 spp, ×6 and ×4. Of squared errors as they are, which a few highlights are
 //! the most of, it is half.
 
-use super::reconstruct::Reconstruction;
+use super::reconstruction::Reconstruction;
 use super::variance::around;
 use crate::image::{Plane, mean_of_channels};
 

@@ -1,5 +1,6 @@
 //! The denoiser: the only place that knows the order of the stages.
 
+mod amounts;
 mod basis;
 mod coarse;
 pub(crate) mod condition;
@@ -21,14 +22,17 @@ pub(crate) mod prefilter;
 mod prepare;
 mod pursuit;
 mod reconstruct;
+mod reconstruction;
 mod restore;
 mod risk;
 mod samples;
 pub(crate) mod sanitize;
 mod signal;
 mod solver;
+mod sums;
 mod surfaces;
 mod temporal;
+mod tiles;
 pub(crate) mod variance;
 pub(crate) mod vectors;
 mod warp;
@@ -41,11 +45,12 @@ use crate::image::{Rect, Rgb};
 use crate::options::Options;
 use observer::{AsStage, Log};
 use prepare::{Prepared, prepare};
-use reconstruct::{Area, Reconstruction};
+use reconstruction::Reconstruction;
 use sanitize::Clean;
 use signal::{Asked, Fits, Signal};
 use std::borrow::Cow;
 use temporal::Warped;
+use tiles::Area;
 
 pub use facts::Facts;
 pub use observer::{Observer, Silent, Stage};
