@@ -321,9 +321,9 @@ pub struct Denoised {
     pub color: Rgb,
     /// The frame's further pictures, through the same operator, in the same order.
     pub aovs: Vec<Aov>,
-    /// Estimated mean squared error of `color`, averaged over its channels; never negative. 0 everywhere
-    /// where the method has no estimate (only baselines; the summary's notes say so): see [`Self::has_estimate`].
-    pub mse: Plane,
+    /// Estimated mean squared error of `color`, averaged over its channels; never negative. The pipeline always has an
+    /// estimate, some baselines do not.
+    pub mse: Option<Plane>,
     /// Polynomial order that was chosen, averaged over the fits that cover the pixel: 0 to 3.
     pub order: Plane,
     /// Where the method would send the next samples, in any unit, ≥ 0, higher for more urgent; none where
@@ -334,19 +334,14 @@ pub struct Denoised {
 }
 
 impl Denoised {
-    /// Whether `mse` is an estimate: some of it is above 0.
-    pub fn has_estimate(&self) -> bool {
-        self.mse.data().iter().any(|&mse| mse > 0.0)
-    }
-
     /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
     #[must_use]
     pub fn begin(&self, (width, height): (usize, usize)) -> Self {
         let (none, dark) = (|| Plane::filled(width, height, 0.0), || black(width, height));
         let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: dark() }).collect();
         let summary = Summary { columns: self.summary.columns.clone(), ..Summary::default() };
-        let mut whole =
-            Self { color: dark(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
+        let mse = self.mse.as_ref().map(|_| none());
+        let mut whole = Self { color: dark(), aovs, mse, order: none(), sampling_priority: None, summary };
         whole.put(self, (0, 0));
         whole
     }
@@ -357,7 +352,9 @@ impl Denoised {
         for (whole, part) in self.aovs.iter_mut().zip(&part.aovs) {
             whole.color.iter_mut().zip(&part.color).for_each(|(whole, part)| whole.put(part, at));
         }
-        self.mse.put(&part.mse, at);
+        if let (Some(whole), Some(part)) = (&mut self.mse, &part.mse) {
+            whole.put(part, at);
+        }
         self.order.put(&part.order, at);
         self.summary.add(&part.summary);
     }

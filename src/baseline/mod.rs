@@ -171,12 +171,6 @@ impl Denoiser {
         matches!(self, Self::Nlm(_) | Self::Nfor(_))
     }
 
-    /// Whether the error in `denoised`, a result of this method, is an estimate. Of the others than the pipeline those that
-    /// have none leave it at 0; the pipeline's may be 0, where there is no noise.
-    pub fn has_estimate(&self, denoised: &Denoised) -> bool {
-        self.pipeline().is_some() || denoised.has_estimate()
-    }
-
     /// Every option with its value, by the names that [`Denoiser::with`] takes.
     pub fn keys(&self) -> Vec<Key> {
         match self {

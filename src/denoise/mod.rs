@@ -213,5 +213,6 @@ fn assemble(outline: Outline, result: Reconstruction, part: &Part, log: &mut Log
     let aovs = outline.aovs.into_iter().map(|name| Aov { name, color: next() }).collect();
     log.observer.progress(1.0);
     let [mse, order] = [result.mse, result.order].map(|plane| plane.into_part(wanted));
+    let mse = Some(mse);
     Denoised { color, aovs, mse, order, sampling_priority: None, summary: std::mem::take(&mut log.summary) }
 }
