@@ -45,7 +45,7 @@ pub fn filter(
         for left in (0..width).step_by(COLUMNS) {
             let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
             let rect = Rect { x: left, y: rows.start, width: columns.len(), height: rows.len() };
-            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius], 0.0).of_any_unit();
+            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius]).of_any_unit();
             arch.dispatch(Part {
                 guide,
                 planes,
