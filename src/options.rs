@@ -191,7 +191,7 @@ described! {
         #[range(0.0..=1.0)]
         pub share: f32,
         /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
-        /// `[choice]` in `denoise/energy.rs`.
+        /// `[choice]` in `denoise/gains.rs`.
         #[range(1.0..=1e6)]
         pub witnesses: f32,
     }

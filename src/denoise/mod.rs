@@ -12,6 +12,7 @@ pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;
 mod forgiveness;
+mod gains;
 pub(crate) mod gram;
 mod guides;
 mod nlm;
@@ -127,7 +128,7 @@ fn run(
         return Ok(unchanged(outline, clean, part, log));
     }
     let ready = prepare(frame, facts, facts, part, options, log)?;
-    let gains = energy::gains(facts, &ready, part, options, log)?;
+    let gains = gains::find(facts, &ready, part, options, log)?;
     let beside = temporal::warped(&outline, &ready, neighbours, facts, options, log)?;
     let Prepared { signal, .. } = ready;
 
