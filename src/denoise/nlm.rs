@@ -1,7 +1,9 @@
 //! Non-local means of whole planes, offset by offset.
 //!
 //! For one offset the patch distances of all pixels are a box filter of one difference picture, so a
-//! patch costs a few additions instead of its area.
+//! patch costs a few additions instead of its area. The baselines' [means](crate::baseline) are another algorithm: they
+//! divide channel by channel and let the channels agree, where here the channels are summed before the one division, and
+//! they keep the distances of whole rows for several bandwidths, where here a block of columns stays in the cache.
 
 use super::observer::Observer;
 use super::vectors;
