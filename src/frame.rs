@@ -12,6 +12,7 @@ use std::borrow::Cow;
 /// What a feature buffer describes; the name under which reports and maps list it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum FeatureKind {
     /// Surface normal, 3 planes, any space.
     Normal,
@@ -362,6 +363,7 @@ impl Denoised {
 
 /// A frame beside the one that was denoised.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Beside {
     /// Frames from this one to it, negative before.
     pub offset: i32,
@@ -374,6 +376,7 @@ pub struct Beside {
 
 /// Counts and decisions of one run, for the report.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Summary {
     /// The method's name, one of [`crate::baseline::Method::NAMES`].
     pub method: &'static str,

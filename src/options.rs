@@ -158,6 +158,7 @@ impl Kernel {
 /// How the order of a fit is chosen from the risks ξ_k.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum OrderChoice {
     /// The order with the least risk (Moon et al. 2016).
     Hard,

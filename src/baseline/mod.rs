@@ -30,6 +30,7 @@ use std::borrow::Cow;
 
 /// A way to denoise a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Method {
     /// Adaptive polynomial rendering, [`crate::denoise()`].
     Apr,

@@ -9,7 +9,7 @@ use apr::{Denoised, Frame, Options, Summary};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::clock::{Cost, name};
+use crate::clock::Cost;
 use crate::inspect::{sum_line, wanting};
 use crate::parts::{Output, Used};
 use crate::plan::Job;
@@ -172,7 +172,7 @@ fn skipped(layout: &Layout, options: &Options, summary: &Summary) -> Vec<Skipped
     let fits = (1..=options.stages.len()).map(Stage::Fit);
     let before = [Stage::Sanitize, Stage::Outliers, Stage::Prefilter, Stage::Coarse];
     let stages = before.into_iter().chain(fits).chain([Stage::Energy]);
-    stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
+    stages.filter_map(|stage| Some(Skipped { stage: stage.to_string(), reason: reason(stage)? })).collect()
 }
 
 /// The estimated errors of the pixels so far, as they are and relative.
