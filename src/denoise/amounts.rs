@@ -51,6 +51,7 @@ pub struct Amounts {
 
 impl Amounts {
     /// For the windows of `options`.
+    #[expect(clippy::disallowed_methods, reason = "exact by the presets' powers, 0 and 1")]
     pub fn new(options: &Options) -> Self {
         let radius = options.window_radius;
         let share = |at: usize| at.abs_diff(radius) as f32 / (radius + 1) as f32;
@@ -81,6 +82,10 @@ impl Amounts {
 
     /// By the risk of the fit, more of it where a pixel is brighter than the `centre` for certain. The root is the same
     /// on all machines and quick, which powers are not.
+    #[expect(
+        clippy::disallowed_methods,
+        reason = "the presets take the root, or the power 0, which is exact"
+    )]
     fn trust(&mut self, pilot: &Pilot, [x, y]: [usize; 2], fitted: &Fitted<'_>, options: &Options) {
         self.certain.resize(self.amounts.len(), 0.0);
         fitted.samples.gather(&pilot.certain, 0, 0.0, &mut self.certain);
