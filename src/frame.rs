@@ -12,6 +12,7 @@ use std::borrow::Cow;
 /// What a feature buffer describes; the name under which reports and maps list it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum FeatureKind {
     /// Surface normal, 3 planes, any space.
     Normal,
@@ -321,9 +322,9 @@ pub struct Denoised {
     pub color: Rgb,
     /// The frame's further pictures, through the same operator, in the same order.
     pub aovs: Vec<Aov>,
-    /// Estimated mean squared error of `color`, averaged over its channels; never negative. 0 everywhere
-    /// where the method has no estimate (only baselines; the summary's notes say so): see [`Self::has_estimate`].
-    pub mse: Plane,
+    /// Estimated mean squared error of `color`, averaged over its channels; never negative. The pipeline always has an
+    /// estimate, some baselines do not.
+    pub mse: Option<Plane>,
     /// Polynomial order that was chosen, averaged over the fits that cover the pixel: 0 to 3.
     pub order: Plane,
     /// Where the method would send the next samples, in any unit, ≥ 0, higher for more urgent; none where
@@ -334,19 +335,14 @@ pub struct Denoised {
 }
 
 impl Denoised {
-    /// Whether `mse` is an estimate: some of it is above 0.
-    pub fn has_estimate(&self) -> bool {
-        self.mse.data().iter().any(|&mse| mse > 0.0)
-    }
-
     /// A result of `size` whose first pixels are those of this part; the others wait for [`Self::put`].
     #[must_use]
     pub fn begin(&self, (width, height): (usize, usize)) -> Self {
         let (none, dark) = (|| Plane::filled(width, height, 0.0), || black(width, height));
         let aovs = self.aovs.iter().map(|aov| Aov { name: aov.name.clone(), color: dark() }).collect();
         let summary = Summary { columns: self.summary.columns.clone(), ..Summary::default() };
-        let mut whole =
-            Self { color: dark(), aovs, mse: none(), order: none(), sampling_priority: None, summary };
+        let mse = self.mse.as_ref().map(|_| none());
+        let mut whole = Self { color: dark(), aovs, mse, order: none(), sampling_priority: None, summary };
         whole.put(self, (0, 0));
         whole
     }
@@ -357,7 +353,9 @@ impl Denoised {
         for (whole, part) in self.aovs.iter_mut().zip(&part.aovs) {
             whole.color.iter_mut().zip(&part.color).for_each(|(whole, part)| whole.put(part, at));
         }
-        self.mse.put(&part.mse, at);
+        if let (Some(whole), Some(part)) = (&mut self.mse, &part.mse) {
+            whole.put(part, at);
+        }
         self.order.put(&part.order, at);
         self.summary.add(&part.summary);
     }
@@ -365,6 +363,7 @@ impl Denoised {
 
 /// A frame beside the one that was denoised.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Beside {
     /// Frames from this one to it, negative before.
     pub offset: i32,
@@ -377,6 +376,7 @@ pub struct Beside {
 
 /// Counts and decisions of one run, for the report.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Summary {
     /// The method's name, one of [`crate::baseline::Method::NAMES`].
     pub method: &'static str,

@@ -29,6 +29,7 @@ pub struct Measure {
 
 /// All metrics' values for one result.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Scores {
     /// See [`rmse`].
     pub rmse: f64,

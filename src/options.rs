@@ -87,7 +87,7 @@ described! {
         #[range(0..=15)]
         pub variance_radius: usize,
         /// Fits are averaged by K·(floor/(ξ + floor))^power from the second stage on; 0 is the published K alone.
-        /// `[choice]` in `denoise/reconstruct.rs`.
+        /// `[choice]` in `denoise/amounts.rs`.
         #[range(0.0..=4.0)]
         pub risk_power: f32,
         /// A fit's predictions count less towards its window's border: by (1 − (d/(radius+1))²)^power along
@@ -158,6 +158,7 @@ impl Kernel {
 /// How the order of a fit is chosen from the risks ξ_k.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum OrderChoice {
     /// The order with the least risk (Moon et al. 2016).
     Hard,
@@ -191,7 +192,7 @@ described! {
         #[range(0.0..=1.0)]
         pub share: f32,
         /// Outliers of equal energy that the window Ω_o, to which an outlier's energy is given back, must be worth.
-        /// `[choice]` in `denoise/energy.rs`.
+        /// `[choice]` in `denoise/gains.rs`.
         #[range(1.0..=1e6)]
         pub witnesses: f32,
     }

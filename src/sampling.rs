@@ -35,11 +35,11 @@ impl Default for SamplingOptions {
     }
 }
 
-/// The estimated relative squared error (as in relMSE) of every pixel, ≥ 0; 0 everywhere where the method has no estimate.
+/// The estimated relative squared error (as in relMSE) of every pixel, ≥ 0, where the method has an estimate.
 /// The estimate is the mean over the channels, and is held against that of their light: a saturated colour's error
 /// is its bright channel's.
-pub fn relative_error(denoised: &Denoised) -> Plane {
-    relative_mean(&denoised.mse, &denoised.color)
+pub fn relative_error(denoised: &Denoised) -> Option<Plane> {
+    denoised.mse.as_ref().map(|mse| relative_mean(mse, &denoised.color))
 }
 
 /// The mean of an error plane, which is what a target is compared with.

@@ -1,6 +1,8 @@
 //! All tests of the library and its programs in one program: built in a fifth of the time of twenty.
 //! `cargo test --test all regions::` runs those of one file.
 
+#![allow(clippy::disallowed_methods, reason = "tests hold what is ours against it")]
+
 mod ambiguous;
 mod answers;
 mod architecture;

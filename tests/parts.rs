@@ -184,7 +184,7 @@ fn alone(frame: &Frame, wanted: Rect, options: &Options) -> Denoised {
 
 fn planes(denoised: &Denoised) -> impl Iterator<Item = &Plane> {
     let aovs = denoised.aovs.iter().flat_map(|aov| &aov.color);
-    denoised.color.iter().chain(aovs).chain([&denoised.mse, &denoised.order])
+    denoised.color.iter().chain(aovs).chain(&denoised.mse).chain([&denoised.order])
 }
 
 fn assert_same_bits(part: &Denoised, whole: &Denoised, wanted: Rect) {

@@ -16,7 +16,7 @@ fn result(picture: &Picture) -> Denoised {
     Denoised {
         color,
         aovs: vec![],
-        mse: plane(4.0),
+        mse: Some(plane(4.0)),
         order: plane(5.0),
         sampling_priority: None,
         summary: Summary::default(),

@@ -536,9 +536,17 @@ fn a_method_without_an_estimate_cannot_meet_a_target_but_has_its_own_map() {
     assert!(code == 4 && complaints.contains("wavelet has no estimate"), "{complaints}");
     assert!(!output.exists());
     let report = folder.path().join("r.json");
-    let (_, said, _) =
-        run(program().args([&input, &output, Path::new("--report"), &report]).args(["--method", "wavelet"]));
+    let (_, said, _) = run(program()
+        .args([&input, &output, Path::new("--report"), &report])
+        .args(["--method", "wavelet", "--aux"]));
     assert!(said.trim_end().ends_with(" -> unknown"), "{said}");
+    let written = exr_files::read_all(&output);
+    let names: Vec<String> =
+        written.layer_data[0].channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    assert!(
+        names.contains(&"apr.order.Y".to_owned()) && !names.contains(&"apr.mse.Y".to_owned()),
+        "{names:?}"
+    );
     let report: Value = serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
     let error = &report["estimated_error"];
     assert!(error["relative_before"].is_f64() && error["relative_after"].is_null(), "{error}");

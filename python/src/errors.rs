@@ -32,7 +32,7 @@ pub fn raised(error: Error) -> PyErr {
             }
         }
         ErrorKind::Stopped => PyKeyboardInterrupt::new_err(message),
-        ErrorKind::Internal => PyRuntimeError::new_err(message),
+        _ => PyRuntimeError::new_err(message),
     }
 }
 
@@ -49,7 +49,9 @@ pub fn warn(py: Python<'_>, layout: &Layout) -> PyResult<()> {
 /// A layout whose remarks name keywords.
 pub fn told(layout: &Layout) -> Layout {
     let remarks = |all: &[String]| all.iter().map(|remark| in_python(remark)).collect();
-    Layout { notes: remarks(&layout.notes), warnings: remarks(&layout.warnings), ..layout.clone() }
+    let mut told = layout.clone();
+    (told.notes, told.warnings) = (remarks(&layout.notes), remarks(&layout.warnings));
+    told
 }
 
 /// The options of the command line that messages name, and what they are called here.

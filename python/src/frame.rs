@@ -190,7 +190,7 @@ pub fn result(py: Python<'_>, denoised: Denoised) -> PyResult<Bound<'_, PyDict>>
         aovs.set_item(aov.name, from_planes(py, &aov.color)?)?;
     }
     result.set_item("aovs", aovs)?;
-    result.set_item("mse", from_plane(py, denoised.mse)?)?;
+    result.set_item("mse", denoised.mse.map(|mse| from_plane(py, mse)).transpose()?)?;
     result.set_item("order", from_plane(py, denoised.order)?)?;
     result.set_item("summary", from_json(py, &denoised.summary)?)?;
     Ok(result)

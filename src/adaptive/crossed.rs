@@ -45,7 +45,7 @@ pub fn crossed_error(frame: &Frame) -> Result<Plane> {
     let estimate = |colour: usize| -> Result<Plane> {
         let half = one_colour(frame, colour)?;
         let denoised = denoise(&half, &quick())?;
-        let mut error = relative_error(&denoised);
+        let mut error = relative_error(&denoised).expect("the pipeline estimates its error");
         if let Some(variance) = half.color_var_of_mean() {
             let mut noise = relative(variance, &denoised.color);
             noise.change(|noise| if noise > 0.0 && noise.is_finite() { noise } else { 0.0 });

@@ -128,16 +128,15 @@ impl<'a> Input<'a> {
             self.summary.notes.push(format!("{kept} values out of range were kept as they came"));
         }
         if output.mse.is_none() {
-            self.summary.notes.push("the method has no estimate of its error here: it is given as 0".into());
+            self.summary.notes.push("the method has no estimate of its error here".into());
         }
-        let mse = output.mse.map(|mut mse| {
-            unexpose_error(&mut mse, self.exposure);
-            mse
-        });
         Denoised {
             color,
             aovs,
-            mse: mse.unwrap_or_else(|| Plane::filled(width, height, 0.0)),
+            mse: output.mse.map(|mut mse| {
+                unexpose_error(&mut mse, self.exposure);
+                mse
+            }),
             order: Plane::filled(width, height, output.order),
             sampling_priority: output.sampling_priority.map(|mut plane| {
                 plane.data_mut().iter_mut().for_each(|v| *v = v.max(0.0).min(f32::MAX));

@@ -30,6 +30,7 @@ use std::borrow::Cow;
 
 /// A way to denoise a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Method {
     /// Adaptive polynomial rendering, [`crate::denoise()`].
     Apr,
@@ -169,12 +170,6 @@ impl Denoiser {
     /// Whether half buffers are of use beside a variance: each half is filtered by the other.
     pub fn crosses_halves(&self) -> bool {
         matches!(self, Self::Nlm(_) | Self::Nfor(_))
-    }
-
-    /// Whether the error in `denoised`, a result of this method, is an estimate. Of the others than the pipeline those that
-    /// have none leave it at 0; the pipeline's may be 0, where there is no noise.
-    pub fn has_estimate(&self, denoised: &Denoised) -> bool {
-        self.pipeline().is_some() || denoised.has_estimate()
     }
 
     /// Every option with its value, by the names that [`Denoiser::with`] takes.

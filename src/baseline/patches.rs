@@ -50,7 +50,7 @@ impl Patches {
     ) -> Self {
         let (whole, radii) = (Rect::whole(planes[0].size()), [window_radius, patch_radius]);
         let guides = planes.iter().zip(variances);
-        let guides = guides.map(|(plane, variance)| Guide::new(&[plane], &[variance], whole, radii, 0.0));
+        let guides = guides.map(|(plane, variance)| Guide::new(&[plane], &[variance], whole, radii));
         Self { guides: guides.collect(), size: planes[0].size(), window_radius, patch_radius, channels }
     }
 

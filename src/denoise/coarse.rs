@@ -13,7 +13,7 @@
 //! spp, hard indirect light ×0.83) and ×0.992 (five others at 16 and 64 spp) in 1.15 times the time. A second
 //! coarser level gave ×0.997 more and twice the halo; merging after every stage ×0.998.
 
-use super::reconstruct::Reconstruction;
+use super::reconstruction::Reconstruction;
 use super::variance::smooth;
 use crate::image::{Plane, Rgb, mean_of_channels};
 use crate::options::Options;

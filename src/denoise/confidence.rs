@@ -32,7 +32,7 @@
 //! of 1.44; exponents of Δ² of 0.4 and 0.6 instead of ½: 1.43 and 1.46. Least where a bump that no feature knows is
 //! smoothed away, ×0.25 at 16 spp; most on moving things, ×2.3.
 
-use super::reconstruct::Reconstruction;
+use super::reconstruction::Reconstruction;
 use super::variance::around;
 use crate::image::{Plane, mean_of_channels};
 

@@ -189,7 +189,7 @@ mod tests {
 
     /// A guide of three equal channels.
     fn colour(u: &Plane, v: &Plane) -> Guide {
-        Guide::new(&[u; 3], &[v; 3], Rect::whole(u.size()), [2, 1], 0.0)
+        Guide::new(&[u; 3], &[v; 3], Rect::whole(u.size()), [2, 1])
     }
 
     fn steps(shift: usize) -> Plane {

@@ -35,6 +35,7 @@ pub struct Light {
 
 impl Light {
     /// Adds the next row's luminances.
+    #[expect(clippy::disallowed_methods, reason = "only the rounded mean of the logarithms is of use")]
     pub fn add_row(&mut self, luminances: impl Iterator<Item = f64>) {
         let (mut row, mut squares) = (0.0, 0.0);
         for luminance in luminances.filter(|luminance| *luminance > 0.0) {
@@ -51,6 +52,7 @@ impl Light {
     /// The factor to multiply radiance by: 2^−round(log₂ L), L the geometric mean of the positive
     /// luminances; 1 for a picture without light. It is less where more than lone pixels would grow beyond
     /// [`LARGEST_EXPOSED`], as a picture on a background of 1e-38 would.
+    #[expect(clippy::disallowed_methods, reason = "the logarithm is rounded, and a power of two is exact")]
     pub fn scale(&self) -> f32 {
         let pixels = self.pixels.max(1) as f64;
         let mean = self.log2 / pixels;

@@ -5,8 +5,9 @@
 //! Only good values are asked: what the first stage repairs is a mean of those, or black. What depends on the
 //! answers, the energy of the outliers, is had by going through the rows a second time.
 
-use super::energy::{Energy, Gains};
+use super::energy::Energy;
 use super::exposure::Light;
+use super::gains::Gains;
 use super::observer::Log;
 use super::part::Part;
 use super::prepare::without_outliers;
@@ -258,7 +259,7 @@ impl Facts {
         let (clean, removed) = without_outliers(frame, &known, self.exposure(), part, options, log)?;
         self.energy.add(clean.color.each_ref(), &removed, part.within(), part.wanted.y);
         let all = self.energy.pixels() == part.picture.0 * part.picture.1;
-        self.gains = all.then(|| self.energy.gains(options.outliers.witnesses));
+        self.gains = all.then(|| Gains::of(&self.energy, options.outliers.witnesses));
         Ok(())
     }
 

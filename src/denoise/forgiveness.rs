@@ -20,6 +20,7 @@
 use super::signal::Signal;
 use super::variance::smooth;
 use crate::image::{Plane, Rgb, squared_difference};
+use crate::options::Options;
 
 /// Radius of the sums.
 pub const RADIUS: usize = 3;
@@ -30,9 +31,9 @@ const NOISE: f32 = 0.85;
 /// c: detail of a quarter of what is tolerated takes all tolerance away.
 const MISSED: f32 = 0.06;
 
-/// The share of the squared `tolerance` that is left at every pixel, 0 to 1, after a stage that has found `pilot`;
+/// The share of the squared tolerance that is left at every pixel, 0 to 1, after a stage that has found `pilot`;
 /// `noise` is the sum of the signal's smoothed variances.
-pub fn after(pilot: &Rgb, signal: &Signal, noise: &Plane, tolerance: f32) -> Plane {
+pub fn after(pilot: &Rgb, signal: &Signal, noise: &Plane, options: &Options) -> Plane {
     let (width, height) = noise.size();
     let light = Plane::par_from_fn(width, height, |x, y| {
         pilot.iter().map(|plane| plane.get(x, y).powi(2)).sum::<f32>().min(f32::MAX)
@@ -41,7 +42,7 @@ pub fn after(pilot: &Rgb, signal: &Signal, noise: &Plane, tolerance: f32) -> Pla
     let [residual, noise, light] = [&residual, noise, &light].map(|plane| smooth(plane, RADIUS));
     Plane::par_from_fn(width, height, |x, y| {
         let missed = (residual.get(x, y) - NOISE * noise.get(x, y)).max(0.0);
-        let tolerated = MISSED * tolerance.powi(2) * light.get(x, y);
+        let tolerated = MISSED * options.tolerance.powi(2) * light.get(x, y);
         if missed < tolerated { 1.0 - missed / tolerated } else { 0.0 }
     })
 }
@@ -51,7 +52,6 @@ mod tests {
     use super::*;
     use crate::denoise::design::Design;
     use crate::image::sum_of_channels;
-    use crate::options::Options;
 
     /// What is left in either half of a picture of which a pilot of constant light has missed the left one by `detail`
     /// and the right one by noise of the `variance`, both shares of the light.
@@ -62,9 +62,10 @@ mod tests {
         });
         let flat = |value: f32| std::array::from_fn(|_| Plane::filled(40, 20, value));
         let noise = flat(variance * light * light);
-        let signal = Signal::new(vec![noisy; 3], noise, Design::default(), &Options::default());
+        let options = Options { tolerance: 0.12, ..Options::default() };
+        let signal = Signal::new(vec![noisy; 3], noise, Design::default(), &options);
         let noise = sum_of_channels(&signal.smoothed);
-        let forgiven = after(&flat(light), &signal, &noise, 0.12);
+        let forgiven = after(&flat(light), &signal, &noise, &options);
         [forgiven.get(8, 10), forgiven.get(32, 10)]
     }
 

@@ -35,13 +35,15 @@ pub struct Guides {
 }
 
 impl Guides {
-    /// Those that `kernels` ask for of `picture`: what is among these already is kept, the rest of them given up.
+    /// Those that `kernels` ask for of `picture`: what is among these already is kept, the rest of them given up. Colours'
+    /// differences pass for noise as far as is [`forgiven`](super::forgiveness).
     #[must_use]
     pub fn turned_to<'k>(
         self,
         kernels: impl IntoIterator<Item = &'k Kernel> + Clone,
         picture: Guided<'_>,
         options: &Options,
+        forgiven: Option<&Plane>,
     ) -> Self {
         let some = |asks: &dyn Fn(&Kernel) -> bool| kernels.clone().into_iter().any(asks);
         let demodulates = |kernel: &Kernel| kernel.demodulate && picture.albedo.is_some();
@@ -54,9 +56,11 @@ impl Guides {
         let color = asked.then(|| self.color.unwrap_or_else(|| color(picture, options)));
         let over_albedo =
             || color.as_ref().zip(picture.albedo).map(|(color, albedo)| over(color, albedo, options));
+        let irradiance = if by_irradiance { irradiance.or_else(over_albedo) } else { None };
+        let tolerating = |guide: Guide| guide.tolerating(options.tolerance, forgiven);
         Self {
-            irradiance: if by_irradiance { irradiance.or_else(over_albedo) } else { None },
-            color: color.filter(|_| by_color),
+            irradiance: irradiance.map(tolerating),
+            color: color.filter(|_| by_color).map(tolerating),
             surfaces: if by_surfaces && surfaces.is_empty() {
                 Surfaces::new(picture.features, picture.spreads, options.window_radius)
             } else {
@@ -65,11 +69,11 @@ impl Guides {
         }
     }
 
-    /// Lets the colours' differences pass for noise no farther than is `forgiven`.
-    pub fn forgive(&mut self, tolerance: f32, forgiven: &Plane) {
-        for guide in [&mut self.color, &mut self.irradiance].into_iter().flatten() {
-            guide.forgive_where(tolerance, forgiven);
-        }
+    /// The same where no more than this is `forgiven`.
+    #[must_use]
+    pub fn forgiving(self, forgiven: &Plane, options: &Options) -> Self {
+        let tolerating = |guide: Guide| guide.tolerating(options.tolerance, Some(forgiven));
+        Self { color: self.color.map(tolerating), irradiance: self.irradiance.map(tolerating), ..self }
     }
 
     /// What a kernel compares, colour over albedo or colour; it must be one of those that these were
@@ -89,7 +93,7 @@ fn radii(options: &Options) -> [usize; 2] {
 fn color(picture: Guided<'_>, options: &Options) -> Guide {
     let trusted = picture.variance.each_ref().map(picture.trusted);
     let whole = Rect::whole(picture.color[0].size());
-    Guide::new(&picture.color, &trusted.each_ref(), whole, radii(options), options.tolerance)
+    Guide::new(&picture.color, &trusted.each_ref(), whole, radii(options))
 }
 
 /// The guide of the whole picture's `color` over the `albedo`.
@@ -107,5 +111,5 @@ fn over(color: &Guide, albedo: &Rgb, options: &Options) -> Guide {
         divide(c, at, out);
         divide(c, at, out);
     };
-    Guide::of(size, Rect::whole(size), radii(options), options.tolerance, 3, value, variance)
+    Guide::of(size, Rect::whole(size), radii(options), 3, value, variance)
 }

@@ -1,5 +1,6 @@
 //! The denoiser: the only place that knows the order of the stages.
 
+mod amounts;
 mod basis;
 mod coarse;
 pub(crate) mod condition;
@@ -11,6 +12,7 @@ pub(crate) mod exposure;
 pub(crate) mod facts;
 pub(crate) mod fit;
 mod forgiveness;
+mod gains;
 pub(crate) mod gram;
 mod guides;
 mod nlm;
@@ -21,14 +23,17 @@ pub(crate) mod prefilter;
 mod prepare;
 mod pursuit;
 mod reconstruct;
+mod reconstruction;
 mod restore;
 mod risk;
 mod samples;
 pub(crate) mod sanitize;
 mod signal;
 mod solver;
+mod sums;
 mod surfaces;
 mod temporal;
+mod tiles;
 pub(crate) mod variance;
 pub(crate) mod vectors;
 mod warp;
@@ -41,11 +46,12 @@ use crate::image::{Rect, Rgb};
 use crate::options::Options;
 use observer::{AsStage, Log};
 use prepare::{Prepared, prepare};
-use reconstruct::{Area, Reconstruction};
+use reconstruction::Reconstruction;
 use sanitize::Clean;
 use signal::{Asked, Fits, Signal};
 use std::borrow::Cow;
 use temporal::Warped;
+use tiles::Area;
 
 pub use facts::Facts;
 pub use observer::{Observer, Silent, Stage};
@@ -122,7 +128,7 @@ fn run(
         return Ok(unchanged(outline, clean, part, log));
     }
     let ready = prepare(frame, facts, facts, part, options, log)?;
-    let gains = energy::gains(facts, &ready, part, options, log)?;
+    let gains = gains::find(facts, &ready, part, options, log)?;
     let beside = temporal::warped(&outline, &ready, neighbours, facts, options, log)?;
     let Prepared { signal, .. } = ready;
 
@@ -208,5 +214,6 @@ fn assemble(outline: Outline, result: Reconstruction, part: &Part, log: &mut Log
     let aovs = outline.aovs.into_iter().map(|name| Aov { name, color: next() }).collect();
     log.observer.progress(1.0);
     let [mse, order] = [result.mse, result.order].map(|plane| plane.into_part(wanted));
+    let mse = Some(mse);
     Denoised { color, aovs, mse, order, sampling_priority: None, summary: std::mem::take(&mut log.summary) }
 }

@@ -1,7 +1,9 @@
 //! Non-local means of whole planes, offset by offset.
 //!
 //! For one offset the patch distances of all pixels are a box filter of one difference picture, so a
-//! patch costs a few additions instead of its area.
+//! patch costs a few additions instead of its area. The baselines' [means](crate::baseline) are another algorithm: they
+//! divide channel by channel and let the channels agree, where here the channels are summed before the one division, and
+//! they keep the distances of whole rows for several bandwidths, where here a block of columns stays in the cache.
 
 use super::observer::Observer;
 use super::vectors;
@@ -54,7 +56,7 @@ pub fn filter(
         for left in (0..width).step_by(COLUMNS) {
             let (rows, columns) = (rows.clone(), left..(left + COLUMNS).min(width));
             let rect = Rect { x: left, y: rows.start, width: columns.len(), height: rows.len() };
-            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius], 0.0).of_any_unit();
+            let guide = &Guide::new(planes, variances, rect, [radius, patch_radius]).of_any_unit();
             arch.dispatch(Part {
                 guide,
                 planes,

@@ -3,6 +3,7 @@
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Summary;
 use crate::options::Options;
+use std::fmt;
 
 /// The stages of a run, in order, for progress and timing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -39,6 +40,21 @@ impl Stage {
             Stage::Coarse => [FITS[0], after(coarse)],
             Stage::Fit(n) => [coarse + n as f32 - 1.0, coarse + n as f32].map(after),
             Stage::Energy => [FITS[1], 1.0],
+        }
+    }
+}
+
+/// Its name in reports and on the progress bar.
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Stage::Sanitize => f.write_str("sanitize"),
+            Stage::Outliers => f.write_str("outliers"),
+            Stage::Prefilter => f.write_str("prefilter"),
+            Stage::Noise => f.write_str("noise"),
+            Stage::Coarse => f.write_str("coarse"),
+            Stage::Fit(n) => write!(f, "fit {n}"),
+            Stage::Energy => f.write_str("energy"),
         }
     }
 }

@@ -3,7 +3,7 @@
 //! A pixel is an outlier when its intensity exceeds the mean of its neighbours by many of their
 //! standard deviations. Its colour and its variance are replaced by those of the neighbour with the
 //! median intensity; the energy taken out is remembered and given back after the reconstruction
-//! (see [`super::energy`]).
+//! (see [`super::gains`]).
 //!
 //! `[choice]` a pixel is replaced only if its excess is more than a share of all the light in a fit's window: what
 //! the window averages out by itself stays where it was found, for energy that is given back comes back to other places.

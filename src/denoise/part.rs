@@ -21,7 +21,7 @@
 //! The first part of this file is that sum; a frame that holds so much around its part gives the
 //! part's pixels the very bits that they have in the whole picture.
 
-use super::{Facts, coarse, confidence, reconstruct, restore, sanitize, variance};
+use super::{Facts, coarse, confidence, restore, sanitize, tiles, variance};
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::Frame;
 use crate::image::Rect;
@@ -37,8 +37,8 @@ fn reach(options: &Options, estimated: bool) -> usize {
     let prefilter = &options.prefilter;
     let restored = if options.restore { restore::REACH } else { confidence::RADIUS };
     let fits_of = |stages: usize| {
-        stages * reconstruct::reach(options.window_radius)
-            + (stages - 1) * reconstruct::more_of_a_pilot(options)
+        stages * tiles::reach(options.window_radius)
+            + (stages - 1) * tiles::more_of_a_pilot(options)
             + options.largest_patch().max(1)
     };
     let fits = fits_of(options.stages.len());

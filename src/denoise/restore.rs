@@ -24,7 +24,7 @@
 //! | 2, 3 | ×0.999, ×0.957, 1.02 % | ×1.007, ×0.962, 1.66 % |
 //! | 2.3, 2 | ×0.995, ×0.958, 1.10 % | ×0.995, ×0.977, 1.72 % |
 
-use super::reconstruct::Reconstruction;
+use super::reconstruction::Reconstruction;
 use super::signal::Signal;
 use super::variance::{around as places, smooth};
 use crate::image::{Plane, Rgb, mean_of_channels, squared_difference, sum_of_channels};

@@ -5,9 +5,11 @@ use super::design::Design;
 use super::forgiveness;
 use super::guides::{Guided, Guides};
 use super::observer::Log;
-use super::reconstruct::{self, Area, Reconstruction};
-use super::solver::{Pilot, Problem};
+use super::reconstruct;
+use super::reconstruction::{Pilot, Reconstruction};
+use super::solver::Problem;
 use super::temporal::Warped;
+use super::tiles::Area;
 use super::{coarse, variance};
 use crate::error::Result;
 use crate::image::{Plane, Rgb, sum_of_channels};
@@ -110,13 +112,14 @@ impl<'a> Fits<'a> {
         log: &mut Log<'_>,
     ) -> Result<Reconstruction> {
         let (signal, options) = (self.signal, self.options);
-        self.guides = std::mem::take(&mut self.guides).turned_to(asked.kernels, signal.guided(), options);
-        if let Some(pilot) = pilot.as_ref().filter(|_| options.tolerance > 0.0) {
-            let forgiven = forgiveness::after(&pilot.color, signal, &self.noise, options.tolerance);
-            let beside = self.beside.iter_mut().map(|beside| &mut beside.guides);
-            std::iter::once(&mut self.guides)
-                .chain(beside)
-                .for_each(|guides| guides.forgive(options.tolerance, &forgiven));
+        let forgiven = pilot.as_ref().filter(|_| options.tolerance > 0.0);
+        let forgiven = forgiven.map(|pilot| forgiveness::after(&pilot.color, signal, &self.noise, options));
+        let guides = std::mem::take(&mut self.guides);
+        self.guides = guides.turned_to(asked.kernels, signal.guided(), options, forgiven.as_ref());
+        if let Some(forgiven) = &forgiven {
+            for Warped { guides, .. } in &mut self.beside {
+                *guides = std::mem::take(guides).forgiving(forgiven, options);
+            }
         }
         let targets: Vec<&Plane> = signal.targets[..asked.targets].iter().collect();
         let problem = Problem {

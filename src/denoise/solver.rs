@@ -6,6 +6,7 @@ use super::distances::{self, Distances, Kind};
 use super::fit::Factor;
 use super::gram::{self, Columns, Gram};
 use super::guides::Guides;
+use super::reconstruction::Pilot;
 use super::risk::{self, Choice, Evidence, Reference, Totals};
 use super::samples::Samples;
 use super::temporal::Warped;
@@ -39,21 +40,6 @@ pub struct Problem<'a> {
     pub basis: &'a Basis,
     /// All options.
     pub options: &'a Options,
-}
-
-/// What a stage has found, exposed.
-pub struct Pilot {
-    /// Its reconstruction of the colour.
-    pub color: Rgb,
-    /// Lower confidence bound of its mean radiance over the channels: max(0, L̂ − 2√mse).
-    pub certain: Plane,
-}
-
-impl Pilot {
-    /// The radiance of a pixel, mean over the channels.
-    pub fn light(&self, x: usize, y: usize) -> f32 {
-        self.color.iter().map(|plane| plane.get(x, y)).sum::<f32>() / 3.0
-    }
 }
 
 /// How fast a frame beside loses weight in windows where the light has changed in part. Its samples would be

@@ -199,7 +199,7 @@ fn warp(here: &Signal, there: &Signal, flow: &Flow, options: &Options) -> Warped
         spreads: &here.design.spreads,
     };
     Warped {
-        guides: Guides::default().turned_to(options.stages.iter().flatten(), guided, options),
+        guides: Guides::default().turned_to(options.stages.iter().flatten(), guided, options, None),
         noise: sum_of_channels(&smoothed),
         variance: smoothed,
         targets,

@@ -75,13 +75,12 @@ pub fn padded(
 
 impl Guide {
     /// A guide of the pixels `rect` of a picture of `size`, for windows of `window_radius` and patches of up to
-    /// `patch_radius`; differences of the share `tolerance` of the planes count as noise does. `value` and `variance`
-    /// fill a part of a row of each of `count` planes, given by its first column and its row.
+    /// `patch_radius`, which tolerates nothing. `value` and `variance` fill a part of a row of each of `count` planes, given
+    /// by its first column and its row.
     pub fn of(
         size: (usize, usize),
         rect: Rect,
         [window_radius, patch_radius]: [usize; 2],
-        tolerance: f32,
         count: usize,
         value: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
         variance: impl Fn(usize, [usize; 2], &mut [f32]) + Sync,
@@ -100,16 +99,19 @@ impl Guide {
                 noise.iter_mut().zip(&variance[y * stride..]).for_each(|(sum, v)| *sum += v);
             }
         });
-        let level = vec![0.0; noise.len()];
-        let mut guide = Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad };
-        guide.forgive(tolerance, None);
-        guide
+        let level = noise.clone();
+        Self { planes, variances, noise, level, epsilon: DISTANCE_EPSILON, stride, pad }
     }
 
-    /// Takes differences of the share `tolerance` of the planes for noise, its square times what is `forgiven` at every
-    /// pixel, if not all of it is.
-    fn forgive(&mut self, tolerance: f32, forgiven: Option<&[f32]>) {
-        let Self { planes, noise, level, stride, .. } = self;
+    /// The same of a whole picture, where differences of the share `tolerance` of the planes count as noise does: as far
+    /// as is `forgiven` of its square, 0 to 1, or wholly.
+    #[must_use]
+    pub fn tolerating(mut self, tolerance: f32, forgiven: Option<&Plane>) -> Self {
+        let forgiven = forgiven.map(|forgiven| {
+            let fill = |at, out: &mut [f32]| forgiven.copy_row(at, out);
+            padded(forgiven.size(), Rect::whole(forgiven.size()), self.pad, [0.0, 1.0], fill)
+        });
+        let Self { planes, noise, level, stride, .. } = &mut self;
         let rows = level.par_chunks_exact_mut(*stride);
         rows.with_min_len(TASK_ROWS).enumerate().for_each(|(y, level)| {
             let from = y * *stride;
@@ -117,19 +119,12 @@ impl Guide {
             for plane in &*planes {
                 level.iter_mut().zip(&plane[from..]).for_each(|(sum, v)| *sum += (tolerance * v).powi(2));
             }
-            if let Some(forgiven) = forgiven {
+            if let Some(forgiven) = &forgiven {
                 level.iter_mut().zip(&forgiven[from..]).for_each(|(level, share)| *level *= share);
             }
             level.iter_mut().zip(&noise[from..]).for_each(|(level, noise)| *level += noise);
         });
-    }
-
-    /// Forgives differences of the share `tolerance` of the planes of a whole picture as far as is `forgiven`, 0 to 1.
-    pub fn forgive_where(&mut self, tolerance: f32, forgiven: &Plane) {
-        let size = forgiven.size();
-        let fill = |at, out: &mut [f32]| forgiven.copy_row(at, out);
-        let forgiven = padded(size, Rect::whole(size), self.pad, [0.0, 1.0], fill);
-        self.forgive(tolerance, Some(&forgiven));
+        self
     }
 
     /// The same of planes of any unit: by an ε that is less than any variance. By the picture's a feature in a
@@ -145,12 +140,11 @@ impl Guide {
         variances: &[impl Borrow<Plane> + Sync],
         rect: Rect,
         radii: [usize; 2],
-        tolerance: f32,
     ) -> Self {
         let size = planes[0].borrow().size();
         let value = |n: usize, at, out: &mut [f32]| planes[n].borrow().copy_row(at, out);
         let variance = |n: usize, at, out: &mut [f32]| variances[n].borrow().copy_row(at, out);
-        Self::of(size, rect, radii, tolerance, planes.len(), value, variance)
+        Self::of(size, rect, radii, planes.len(), value, variance)
     }
 
     /// Fills `out` with a part of row `y` of plane `n`, from column `x` on.
@@ -335,7 +329,7 @@ mod tests {
     fn rows_of_differences_agree_with_single_distances() {
         let u = Plane::from_fn(21, 5, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::filled(21, 5, 0.3);
-        let guide = Guide::new(&[&u; 3], &[&v; 3], Rect::whole(u.size()), [2, 0], 0.1);
+        let guide = Guide::new(&[&u; 3], &[&v; 3], Rect::whole(u.size()), [2, 0]).tolerating(0.1, None);
         let mut row = vec![0.0; 21];
         guide.delta_row([0, 2], [1, -2], &mut row);
         let mut out = vec![0.0; 5 * distance_stride(2)];
@@ -349,7 +343,7 @@ mod tests {
     fn a_guide_of_a_part_is_the_whole_one_there() {
         let u = Plane::from_fn(21, 15, |x, y| ((x * 7 + y * 13) % 11) as f32);
         let v = Plane::from_fn(21, 15, |x, y| 0.1 + ((x + 3 * y) % 5) as f32);
-        let guide = |rect| Guide::new(&[&u; 2], &[&v; 2], rect, [2, 1], 0.1);
+        let guide = |rect| Guide::new(&[&u; 2], &[&v; 2], rect, [2, 1]);
         let whole = guide(Rect::whole(u.size()));
         // A corner, the middle, all columns.
         for (x, y, width, height) in [(0, 0, 5, 4), (7, 6, 4, 3), (0, 9, 21, 6), (16, 2, 5, 13)] {

@@ -8,12 +8,14 @@ use super::channels::{Role, Statistic};
 use super::decode::{ChannelAt, read_planes};
 use super::document::Document;
 use super::layers::Channel;
+use super::mapping::mapped_choice;
 use super::mapping::{Mapping, Target};
+use super::names::told_name;
 use super::recognize::{detect, layers};
 use super::region::{bounds, numbers, text, told};
 use super::rewrite::signature_in;
 use super::roles::Casting;
-use super::source::{mapped_choice, no_color, told_name};
+use super::source::no_color;
 use crate::error::{Error, ErrorKind, Result};
 use crate::image::Rgb;
 

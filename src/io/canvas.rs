@@ -14,7 +14,7 @@ use exr::prelude::Vec2;
 use super::document::{Document, block_bounds, columns_of_blocks, in_line_order};
 use super::encode::{block_from_lines, through_encoder, write_blocks};
 use super::limits::check_memory;
-use super::source::{bands, part_of};
+use super::pixels::{bands, part_of};
 use crate::error::Result;
 
 /// Writes all blocks of `headers[part]`, in its line order, strip by strip, whose pixels `gather` brings. A strip has at

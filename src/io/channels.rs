@@ -17,6 +17,7 @@ use crate::frame::FeatureKind;
 /// The programs whose names are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum Renderer {
     /// This project's own names, and the usual ones. Every other renderer falls back on them.
     Plain,
@@ -96,6 +97,7 @@ pub(super) enum Flow {
 /// What a variance buffer holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
 pub enum VarianceKind {
     /// Variance of the stored mean: used as it is.
     Mean,

@@ -12,6 +12,7 @@ use crate::frame::{FeatureKind, Frame};
 
 /// What was found, and what it means for the denoiser.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Layout {
     /// The file, and those read beside it.
     pub files: Vec<FileLayout>,
@@ -37,6 +38,7 @@ pub struct Layout {
 
 /// A file's parts.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct FileLayout {
     /// Where it is.
     pub path: String,
@@ -46,6 +48,7 @@ pub struct FileLayout {
 
 /// A part's encoding and channels.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct PartLayout {
     /// Its name, where it has one.
     pub name: Option<String>,
@@ -63,6 +66,7 @@ pub struct PartLayout {
 
 /// Channels that play a role.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct RoleLayout {
     /// The role, under the names that `--map` takes.
     pub role: String,

@@ -1,10 +1,14 @@
-//! What the user says about channels: `ROLE=CHANNELS`.
+//! What the user says about channels, `ROLE=CHANNELS`, and which of the files' channels that means.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::str::FromStr;
 
 use super::channels::{Flow, Role, Statistic, VarianceKind, match_layer};
+use super::document::Document;
 use super::layers::{Channel, Layer};
+use super::names::full_names;
+use super::picture::ReadOptions;
+use super::roles::Choice;
 use crate::error::{Error, ErrorKind, Result};
 use crate::frame::FeatureKind;
 use crate::likeness::by_likeness;
@@ -216,6 +220,56 @@ pub(super) fn likest(wanted: &str, names: impl Iterator<Item = String>) -> Strin
     let mut sorted = by_likeness(wanted, names.into_iter().collect());
     sorted.truncate(count);
     format!("{told} '{}'; apr-denoise --inspect without --map lists all", sorted.join("', '"))
+}
+
+/// What the user maps by `options`, role by role.
+pub(super) fn mapped_choices(
+    options: &ReadOptions,
+    documents: &[Document],
+    layers: &[Layer],
+) -> Result<Vec<Choice>> {
+    let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
+    let mappings = options.map.iter().chain(&options.features);
+    let mut choices: Vec<Choice> = Vec::new();
+    for mapping in mappings {
+        let target = target(&mapping.name, &further)?;
+        if choices.iter().any(|choice| choice.target.excludes(&target)) {
+            return Err(Error::new(ErrorKind::Usage, format!("'{}' is mapped twice", mapping.name))
+                .remedy("give every role once"));
+        }
+        choices.push(mapped_choice(mapping, target, documents, layers)?);
+    }
+    Ok(choices)
+}
+
+/// What `mapping` gives the role that it means by its name.
+pub(super) fn mapped_choice(
+    mapping: &Mapping,
+    target: Target,
+    documents: &[Document],
+    layers: &[Layer],
+) -> Result<Choice> {
+    let names = |channel| full_names(documents, channel);
+    let part = |channel: Channel| documents[channel.file].part_name(channel.at.part);
+    let channels = find(mapping, layers, names, part)?;
+    check_color(mapping, &target, channels.len())?;
+    let is_color = target.role == Role::Color && target.statistic == Statistic::Mean;
+    let elsewhere = |channel: &Channel| channel.file != 0 || channel.at.part != channels[0].at.part;
+    if is_color && channels.iter().any(elsewhere) {
+        return Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
+            .remedy("name the file that is to be written again first"));
+    }
+    Ok(Choice { target, channels })
+}
+
+/// Refuses colours of two channels, and of more than three.
+fn check_color(mapping: &Mapping, target: &Target, count: usize) -> Result<()> {
+    let is_color = matches!(target.role, Role::Color | Role::Feature(FeatureKind::Albedo));
+    if !is_color || matches!(count, 0 | 1 | 3) {
+        return Ok(());
+    }
+    let what = format!("'{}' is mapped to {count} channels where 3 (or 1) were expected", mapping.name);
+    Err(Error::new(ErrorKind::Lacking, what).remedy(format!("name them by --map {}=R,G,B", mapping.name)))
 }
 
 #[cfg(test)]

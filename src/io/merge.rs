@@ -11,9 +11,9 @@ use super::canvas::write_in_strips;
 use super::document::{Document, Reader, in_line_order};
 use super::encode::{encode_error, through_encoder};
 use super::limits;
+use super::pixels::lines_of_block;
 use super::region::{Cover, Mark};
 use super::rewrite::signature_in;
-use super::source::lines_of_block;
 use crate::error::{Error, ErrorKind, Result};
 
 /// A file with a region.

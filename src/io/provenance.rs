@@ -14,6 +14,7 @@ use crate::error::{Error, ErrorKind, Result};
 
 /// How a file was made, as far as it tells.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Provenance {
     /// What it was made by, if it was signed: see [`Picture::sign`](super::Picture::sign).
     pub signature: Option<String>,

@@ -22,8 +22,8 @@ use super::atomic::write_picture_atomically;
 use super::canvas::{Canvas, write_in_strips};
 use super::document::Document;
 use super::encode::{encode_error, through_encoder};
+use super::pixels::lines_of_block;
 use super::rewrite::{Addition, NewPart, Plan, Replacement, Source, store};
-use super::source::lines_of_block;
 use crate::error::{Error, ErrorKind, Result};
 
 /// The attribute that says what a part is a region of.

@@ -382,3 +382,9 @@ fn adopt_statistics(choices: &mut Vec<Choice>, companions: &[Choice]) {
 fn feature_name(kind: FeatureKind) -> &'static str {
     FEATURES.iter().find(|(_, k)| *k == kind).map_or("feature", |(name, _)| name)
 }
+
+/// The channels of the colour's mean, which every picture has.
+pub(super) fn color_of(choices: &[Choice]) -> &[Channel] {
+    let is_mean = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
+    choices.iter().find(is_mean).map_or(&[], |choice| &choice.channels)
+}

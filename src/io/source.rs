@@ -4,34 +4,30 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use exr::meta::attribute::IntegerBounds;
-use exr::meta::header::Header;
-use exr::prelude::Vec2;
-use rayon::prelude::*;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
-use super::bounds;
-use super::channels::{Renderer, Role, Statistic, UNSURE, VarianceKind};
+use super::channels::{Renderer, Role, UNSURE};
 use super::components::{Asked, Sum};
-use super::decode::{ChannelAt, read_planes};
+use super::decode::ChannelAt;
 use super::document::Document;
-use super::evidence::Tally;
-use super::layers::{Channel, Layer, buffer_prefix, stem};
+use super::doubts::{
+    check_windows, leave_out_variances, note_bounds, note_buffers_beside, note_components, note_other_colors,
+    note_windows, warn_of_broken, warn_of_darkness, warn_of_needless, warn_of_useless,
+};
+use super::layers::{Channel, Layer};
 use super::layout::{FileLayout, Layout, RoleLayout};
-use super::mapping::{Mapping, Target, find, target};
+use super::mapping::mapped_choices;
+use super::names::told_name;
 use super::picture::ReadOptions;
+use super::pixels::{Held, Pixels, bands, bytes_of_row, keep, lines_of_block, part_of, read};
 use super::places::is_same_file;
 use super::recognize::{detect, layers, samples_in};
-use super::region::{numbers, told};
-use super::roles::{Candidate, Casting, Choice, has_variance, settle};
-use super::siblings::{buffers_beside, is_buffer};
+use super::roles::{Candidate, Casting, Choice, color_of, has_variance, settle};
+use super::siblings::buffers_beside;
 use super::statistics::Statistics;
-use super::sums::{Deviation, Differences};
 use crate::error::{Error, ErrorKind, Result};
-use crate::frame::{FeatureKind, Frame};
+use crate::frame::Frame;
 use crate::image::{Plane, Rect};
-
-/// Bytes of planes that are looked through at one time.
-const BAND_BYTES: usize = 64 << 20;
 
 /// The most bytes of decoded blocks that are kept beside all planes until the result is written: a picture of 1920×1080
 /// with 32 float channels. `[choice]` decoding them twice takes a twentieth of the fastest preset's time.
@@ -63,9 +59,6 @@ pub(super) struct Source {
     statistics: BTreeMap<Channel, Statistics>,
     given: Given,
 }
-
-/// Planes by their channel.
-pub(super) type Held = BTreeMap<Channel, Plane>;
 
 impl Source {
     /// Opens the file at `path` and looks at all its pixels. Returns the planes as well where `hold` says so.
@@ -222,109 +215,6 @@ impl Source {
     }
 }
 
-/// The pixels of a picture, held or read again at every look.
-struct Pixels<'a> {
-    documents: &'a [Document],
-    window: IntegerBounds,
-    /// Rows of a block.
-    lines: usize,
-    held: Option<Held>,
-}
-
-impl<'a> Pixels<'a> {
-    /// Of the picture in this part of the first file, of which the channels `held` are held.
-    fn new(documents: &'a [Document], part: usize, held: Option<&BTreeSet<Channel>>) -> Result<Self> {
-        let header = &documents[0].headers()[part];
-        let window = header.data_window();
-        let held = held.map(|channels| read(documents, channels, window)).transpose()?;
-        Ok(Self { documents, window, lines: lines_of_block(header), held })
-    }
-
-    /// Shows all rows of `channels` to `look`, in order, in one portion or several.
-    fn look(&self, channels: &BTreeSet<Channel>, mut look: impl FnMut(&Held)) -> Result<()> {
-        if let Some(held) = &self.held {
-            look(held);
-            return Ok(());
-        }
-        let size = (self.window.size.width(), self.window.size.height());
-        for band in bands(size, bytes_of_row(self.window, channels.len()), self.lines) {
-            look(&read(self.documents, channels, part_of(self.window, band))?);
-        }
-        Ok(())
-    }
-
-    /// What the candidates look like, and what the channels `wanted` come to.
-    fn seen(
-        &self,
-        color: &Candidate,
-        candidates: &[Candidate],
-        wanted: &BTreeSet<Channel>,
-    ) -> Result<(Vec<Tally>, BTreeMap<Channel, Statistics>)> {
-        let mut seen = vec![Tally::default(); candidates.len()];
-        let mut statistics: BTreeMap<Channel, Statistics> =
-            wanted.iter().map(|channel| (*channel, Statistics::default())).collect();
-        self.look(wanted, |planes| {
-            let of = |choice: &Choice| choice.channels.iter().map(|c| &planes[c]).collect::<Vec<_>>();
-            for (seen, candidate) in seen.iter_mut().zip(candidates) {
-                seen.add(candidate.evidence, &of(&candidate.mean), &of(&color.mean));
-            }
-            statistics.par_iter_mut().for_each(|(channel, statistics)| statistics.add(&planes[channel]));
-        })?;
-        Ok((seen, statistics))
-    }
-
-    /// How far the sum of `addends` is from `total`.
-    fn deviation(&self, total: [Channel; 3], addends: &[[Channel; 3]]) -> Result<Deviation> {
-        let mut differences = Differences::default();
-        self.look(&addends.iter().flatten().copied().chain(total).collect(), |planes| {
-            let of = |channels: &[Channel; 3]| channels.map(|channel| &planes[&channel]);
-            differences.add(of(&total), &addends.iter().map(of).collect::<Vec<_>>());
-        })?;
-        Ok(differences.deviation())
-    }
-}
-
-/// Keeps up to `room` bytes of the decoded blocks of `documents`, the first ones first. Returns what is left of it.
-fn keep(documents: &[Document], room: usize) -> usize {
-    documents.iter().fold(room, |room, document| document.keep(None, room))
-}
-
-/// Rows of a block of a part, but no more than the largest block of scan lines has: tiles may be of any height.
-pub(super) fn lines_of_block(header: &Header) -> usize {
-    const LINES: usize = 256;
-    header.max_block_pixel_size().height().min(LINES)
-}
-
-/// Bytes of a row of so many planes.
-fn bytes_of_row(window: IntegerBounds, planes: usize) -> usize {
-    window.size.width() * planes * size_of::<f32>()
-}
-
-/// A picture of `size` cut into bands of about [`BAND_BYTES`], a row of which takes `row` bytes: of whole rows of blocks
-/// `lines` high, so that none is read for two bands.
-pub(super) fn bands((width, height): (usize, usize), row: usize, lines: usize) -> impl Iterator<Item = Rect> {
-    let rows = lines * (BAND_BYTES / (row * lines).max(1)).max(1);
-    let band = move |y| Rect { x: 0, y, width, height: rows.min(height - y) };
-    (0..height).step_by(rows).map(band)
-}
-
-/// The pixels `rect` of a picture with this data window, in the file's coordinates.
-pub(super) fn part_of(window: IntegerBounds, rect: Rect) -> IntegerBounds {
-    let along = |from: i32, offset: usize| (i64::from(from) + offset as i64) as i32; // inside the window
-    let position = Vec2(along(window.position.x(), rect.x), along(window.position.y(), rect.y));
-    IntegerBounds { position, size: Vec2(rect.width, rect.height) }
-}
-
-fn read(documents: &[Document], wanted: &BTreeSet<Channel>, window: IntegerBounds) -> Result<Held> {
-    let mut planes = BTreeMap::new();
-    for (file, document) in documents.iter().enumerate() {
-        let here: Vec<Channel> = wanted.iter().copied().filter(|channel| channel.file == file).collect();
-        let places: Vec<ChannelAt> = here.iter().map(|channel| channel.at).collect();
-        planes.extend(here.into_iter().zip(read_planes(document, &places, window)?));
-    }
-    Ok(planes)
-}
-
 /// The channels that may be needed.
 fn wanted(color: &Candidate, candidates: &[Candidate], components: &Asked) -> BTreeSet<Channel> {
     let all = candidates.iter().chain(std::iter::once(color));
@@ -346,68 +236,6 @@ pub(super) fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Documen
         }
     }
     Ok(documents)
-}
-
-fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
-    let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
-    let mappings = options.map.iter().chain(&options.features);
-    let mut choices: Vec<Choice> = Vec::new();
-    for mapping in mappings {
-        let target = target(&mapping.name, &further)?;
-        if choices.iter().any(|choice| choice.target.excludes(&target)) {
-            return Err(Error::new(ErrorKind::Usage, format!("'{}' is mapped twice", mapping.name))
-                .remedy("give every role once"));
-        }
-        choices.push(mapped_choice(mapping, target, documents, layers)?);
-    }
-    Ok(choices)
-}
-
-/// What `mapping` gives the role that it means by its name.
-pub(super) fn mapped_choice(
-    mapping: &Mapping,
-    target: Target,
-    documents: &[Document],
-    layers: &[Layer],
-) -> Result<Choice> {
-    let names = |channel| full_names(documents, channel);
-    let part = |channel: Channel| documents[channel.file].part_name(channel.at.part);
-    let channels = find(mapping, layers, names, part)?;
-    check_color(mapping, &target, channels.len())?;
-    let is_color = target.role == Role::Color && target.statistic == Statistic::Mean;
-    let elsewhere = |channel: &Channel| channel.file != 0 || channel.at.part != channels[0].at.part;
-    if is_color && channels.iter().any(elsewhere) {
-        return Err(Error::new(ErrorKind::Usage, "the colour must lie in one part of the first file")
-            .remedy("name the file that is to be written again first"));
-    }
-    Ok(Choice { target, channels })
-}
-
-/// Refuses colours of two channels, and of more than three.
-fn check_color(mapping: &Mapping, target: &Target, count: usize) -> Result<()> {
-    let is_color = matches!(target.role, Role::Color | Role::Feature(FeatureKind::Albedo));
-    if !is_color || matches!(count, 0 | 1 | 3) {
-        return Ok(());
-    }
-    let what = format!("'{}' is mapped to {count} channels where 3 (or 1) were expected", mapping.name);
-    Err(Error::new(ErrorKind::Lacking, what).remedy(format!("name them by --map {}=R,G,B", mapping.name)))
-}
-
-/// The names by which a channel may be called: its own, and with its part's in front.
-fn full_names(documents: &[Document], channel: Channel) -> Vec<String> {
-    let document = &documents[channel.file];
-    let own = document.headers()[channel.at.part].channels.list[channel.at.channel].name.to_string();
-    let with_part = document.part_name(channel.at.part).map(|part| format!("{part}.{own}"));
-    std::iter::once(own).chain(with_part).collect()
-}
-
-/// The name that tells a channel from all others of its file: where it has several parts, with its part's.
-pub(super) fn told_name(documents: &[Document], channel: Channel) -> String {
-    let parts = documents[channel.file].headers().len();
-    let mut names = full_names(documents, channel);
-    let part = documents[channel.file].part_name(channel.at.part).unwrap_or_default();
-    let has_it = names[0].strip_prefix(part.as_str()).is_some_and(|rest| rest.starts_with('.'));
-    if parts > 1 && !has_it { names.pop().unwrap_or_default() } else { names.swap_remove(0) }
 }
 
 /// `role` is what the user maps the colour by.
@@ -443,207 +271,7 @@ fn describe(
     RoleLayout::new(choice, names.collect(), choice.channels.iter().map(|channel| &statistics[channel]))
 }
 
-fn note_bounds(choices: &[Choice], statistics: &BTreeMap<Channel, Statistics>, remarks: &mut Remarks) {
-    for choice in choices.iter().filter(|choice| choice.target.statistic == Statistic::Mean) {
-        let Role::Feature(kind) = choice.target.role else { continue };
-        let statistics: Vec<Statistics> = choice.channels.iter().map(|channel| statistics[channel]).collect();
-        remarks.notes.extend(bounds::told(&choice.target.feature, kind, &statistics));
-    }
-}
-
-/// Names the channels that say nothing. Infinite depths and positions are misses and say something.
-fn warn_of_broken(
-    choices: &[Choice],
-    documents: &[Document],
-    statistics: &BTreeMap<Channel, Statistics>,
-    remarks: &mut Remarks,
-) {
-    let misses = |choice: &Choice| {
-        matches!(choice.target.role, Role::Feature(FeatureKind::Depth | FeatureKind::Position))
-            && matches!(choice.target.statistic, Statistic::Mean | Statistic::HalfA | Statistic::HalfB)
-    };
-    let mut broken = BTreeSet::new();
-    for choice in choices {
-        let says_nothing = |channel: &&Channel| {
-            let statistics = &statistics[channel];
-            statistics.range().is_none() && !(misses(choice) && statistics.misses > 0)
-        };
-        broken.extend(choice.channels.iter().filter(says_nothing));
-    }
-    if broken.is_empty() {
-        return;
-    }
-    let names: Vec<String> = broken.iter().map(|channel| told_name(documents, *channel)).collect();
-    remarks.warnings.push(format!(
-        "{}: NaN or infinite at every pixel; a channel of the colour or a component becomes black, all else is \
-         done without",
-        names.join(", ")
-    ));
-}
-
-/// A wrong layer that is taken for the colour looks like this; so does a black frame.
-fn warn_of_darkness(
-    choices: &[Choice],
-    documents: &[Document],
-    statistics: &BTreeMap<Channel, Statistics>,
-    remarks: &mut Remarks,
-) {
-    let color = color_of(choices);
-    let ranges: Option<Vec<_>> = color.iter().map(|channel| statistics[channel].range()).collect();
-    if ranges.is_none_or(|ranges| ranges.iter().any(|(_, most)| *most > 0.0)) {
-        return;
-    }
-    let names: Vec<String> = color.iter().map(|channel| told_name(documents, *channel)).collect();
-    remarks.warnings.push(format!(
-        "{}: nowhere above 0, and taken for the colour: if the picture is not black, name its channels by --map color=…",
-        names.join(", ")
-    ));
-}
-
-/// The channels of the colour's mean, which every picture has.
-fn color_of(choices: &[Choice]) -> &[Channel] {
-    let is_mean = |c: &&Choice| c.target.role == Role::Color && c.target.statistic == Statistic::Mean;
-    choices.iter().find(is_mean).map_or(&[], |choice| &choice.channels)
-}
-
 /// The files that have channels of these `choices`.
 fn files_of<'c>(choices: impl Iterator<Item = &'c Choice>) -> BTreeSet<usize> {
     choices.flat_map(|choice| &choice.channels).map(|channel| channel.file).collect()
-}
-
-/// Names the further files of which nothing is used; `documents` are those and the first.
-fn warn_of_useless(documents: &[Document], useful: &BTreeSet<usize>, remarks: &mut Remarks) {
-    for (_, document) in documents.iter().enumerate().skip(1).filter(|(file, _)| !useful.contains(file)) {
-        remarks.warnings.push(format!(
-            "{}: none of its layers plays a role; give it one by --map, or leave the file out of --with",
-            document.path().display()
-        ));
-    }
-}
-
-/// Refuses a further file that leaves pixels of the colour without a value: 0 would pass for one.
-fn check_windows(documents: &[Document], choices: &[Choice], window: IntegerBounds) -> Result<()> {
-    let channels = choices.iter().flat_map(|choice| &choice.channels).filter(|channel| channel.file > 0);
-    for channel in channels {
-        let other = documents[channel.file].headers()[channel.at.part].data_window();
-        if !covers(other, window) {
-            let [other, window] = [other, window].map(told);
-            let what = format!("its data window {other} does not cover that of the picture, {window}");
-            return Err(Error::new(ErrorKind::Lacking, what)
-                .remedy("give a file of the same frame and region")
-                .in_channel(full_names(documents, *channel).swap_remove(0))
-                .in_file(documents[channel.file].path()));
-        }
-    }
-    Ok(())
-}
-
-/// Whether `outer` has all pixels of `inner`.
-fn covers(outer: IntegerBounds, inner: IntegerBounds) -> bool {
-    let ([x, y, width, height], [ix, iy, inner_width, inner_height]) = (numbers(outer), numbers(inner));
-    x <= ix && y <= iy && x + width >= ix + inner_width && y + height >= iy + inner_height
-}
-
-/// Does without variances that say nothing, and names them: those of which no value can be one, and the colour's
-/// where it is 0 at every pixel though the picture is not the same everywhere. That a renderer writes who was not
-/// asked for one; believed, it would keep all noise.
-fn leave_out_variances(
-    choices: &mut Vec<Choice>,
-    documents: &[Document],
-    statistics: &BTreeMap<Channel, Statistics>,
-    remarks: &mut Remarks,
-) {
-    let range = |channel: &Channel| statistics[channel].range();
-    let varies = color_of(choices).iter().filter_map(range).any(|(least, most)| least < most);
-    let says_nothing = |choice: &Choice| {
-        let most = || choice.channels.iter().filter_map(range).map(|(_, most)| most);
-        let is_variance = matches!(choice.target.statistic, Statistic::Variance(_));
-        let all_zero = choice.target.role == Role::Color && varies && most().all(|most| most <= 0.0);
-        is_variance && (most().any(|most| most < 0.0) || (all_zero && most().next().is_some()))
-    };
-    let (left_out, kept): (Vec<_>, _) = std::mem::take(choices).into_iter().partition(says_nothing);
-    *choices = kept;
-    for choice in left_out {
-        let negative = choice.channels.iter().filter_map(range).any(|(_, most)| most < 0.0);
-        let mut names: Vec<String> =
-            choice.channels.iter().map(|channel| told_name(documents, *channel)).collect();
-        names.dedup();
-        let why =
-            if negative { "below 0 at every pixel" } else { "0 at every pixel though the colour varies" };
-        let names = names.join(", ");
-        remarks.warnings.push(format!("{names}: {why}: no variance, it is done without"));
-    }
-}
-
-/// Tells which roles come from a part whose pixels are not the colour's.
-fn note_windows(documents: &[Document], choices: &[Choice], window: IntegerBounds, remarks: &mut Remarks) {
-    for choice in choices {
-        let other =
-            |channel: &&Channel| documents[channel.file].headers()[channel.at.part].data_window() != window;
-        if let Some(channel) = choice.channels.iter().find(other) {
-            remarks.notes.push(format!(
-                "{}: its data window is not the colour's; 0 stands where it does not reach",
-                told_name(documents, *channel)
-            ));
-        }
-    }
-}
-
-/// Tells of what the user says about variances where there is none to say it of.
-fn warn_of_needless(options: &ReadOptions, choices: &[Choice], remarks: &mut Remarks) {
-    let has = |is: fn(&Statistic) -> bool| choices.iter().any(|choice| is(&choice.target.statistic));
-    let variances = has(|statistic| matches!(statistic, Statistic::Variance(_)));
-    let needless = match options.variance_kind {
-        None => false,
-        Some(VarianceKind::Halves) => {
-            !has(|it| matches!(it, Statistic::HalfA | Statistic::HalfB)) && options.half.is_none()
-        }
-        Some(_) => !variances,
-    };
-    if needless {
-        remarks.warnings.push(
-            "--variance-kind is of no use: nothing that it could be said of was found; name it by --map variance=… or \
-             --map halfA=…"
-                .to_owned(),
-        );
-    }
-    if options.spp.is_some() && !variances {
-        remarks
-            .notes
-            .push("--spp changes no variance: none was found; name it by --map variance=…".to_owned());
-    }
-}
-
-fn note_components(found: &[String], remarks: &mut Remarks) {
-    if !found.is_empty() {
-        let mut told = BTreeSet::new(); // one may be of several sums
-        let names: Vec<&str> = found.iter().map(String::as_str).filter(|name| told.insert(*name)).collect();
-        remarks.notes.push(format!(
-            "passing through as they are: '{}'; --aov auto denoises them with the beauty, so that what sums to it still does",
-            names.join("', '")
-        ));
-    }
-}
-
-fn note_other_colors(others: &[String], remarks: &mut Remarks) {
-    if !others.is_empty() {
-        remarks.notes.push(format!(
-            "'{}' could be the colour as well and passes through; choose it by --map color=…",
-            others.join("', '")
-        ));
-    }
-}
-
-/// A renderer that writes one file per buffer leaves no mark, but its other files may lie there.
-fn note_buffers_beside(path: &Path, remarks: &mut Remarks) {
-    let (name, _) = stem(path);
-    for (profile, renderer) in Renderer::NAMES.iter().filter(|(_, r)| r.writes_one_file_per_buffer()) {
-        let prefix = buffer_prefix(&name, *renderer);
-        let is_color = name.len() > prefix.len() && is_buffer(&name[prefix.len()..], *renderer);
-        if is_color && !buffers_beside(path, *renderer).is_empty() {
-            remarks
-                .notes
-                .push(format!("further buffers lie beside the file: --profile {profile} reads them"));
-        }
-    }
 }

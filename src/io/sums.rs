@@ -10,6 +10,7 @@ pub(super) const SUM_TOLERANCE: f64 = 2e-3;
 
 /// How far a sum of pictures is from the picture that it ought to be.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Deviation {
     /// The largest difference of a channel of a pixel, in the picture's units.
     pub largest: f64,
@@ -22,6 +23,7 @@ pub struct Deviation {
 
 /// A set of components and how well it sums to the beauty.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct SumCheck {
     /// What the components are.
     pub set: String,

@@ -12,9 +12,10 @@ use super::document::Document;
 use super::halves::{Twins, merge_halves};
 use super::layout::Layout;
 use super::picture::ReadOptions;
+use super::pixels::{Held, part_of};
 use super::region::{Place, told, write_region};
 use super::rewrite::{Addition, DENOISED, Replacement, is_denoised, rewrite};
-use super::source::{Held, Hold, Source, part_of};
+use super::source::{Hold, Source};
 use super::sums::{Deviation, Differences, SumCheck};
 use super::variance::Noise;
 use crate::error::{Error, ErrorKind, Result};
@@ -202,7 +203,7 @@ impl Survey {
             return Err(foreign(format!("the result has {got} AOVs where the picture has {expected}")));
         }
         let Denoised { color, aovs, mse, order, .. } = denoised;
-        let planes = color.iter().chain(aovs.iter().flat_map(|aov| &aov.color)).chain([mse, order]);
+        let planes = color.iter().chain(aovs.iter().flat_map(|aov| &aov.color)).chain(mse).chain([order]);
         match planes.map(Plane::size).find(|got| *got != size) {
             Some((width, height)) => {
                 let (columns, rows) = size;
@@ -223,8 +224,8 @@ impl Survey {
         self.signature.get().map(String::as_str)
     }
 
-    /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error
-    /// (`apr.mse.Y`) and the order chosen (`apr.order.Y`). Everything else passes through bit for
+    /// Writes the file again with the denoised beauty and its components; with `aux` also the estimated error,
+    /// where there is one (`apr.mse.Y`), and the order chosen (`apr.order.Y`). Everything else passes through bit for
     /// bit. Returns what the user should know.
     ///
     /// # Errors
@@ -276,7 +277,7 @@ impl Survey {
         let replacements = beauty.chain(components).flat_map(replace).collect();
         let mut additions = Vec::new();
         if aux {
-            additions.push(Addition { name: "apr.mse.Y", plane: &denoised.mse });
+            additions.extend(denoised.mse.iter().map(|plane| Addition { name: "apr.mse.Y", plane }));
             additions.push(Addition { name: "apr.order.Y", plane: &denoised.order });
         }
         (replacements, additions)

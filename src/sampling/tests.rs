@@ -157,12 +157,12 @@ fn the_error_is_relative_to_the_light() {
     let denoised = Denoised {
         color: std::array::from_fn(|_| error(|_, _| 0.3)),
         aovs: vec![],
-        mse: error(|_, _| 0.001),
+        mse: Some(error(|_, _| 0.001)),
         order: error(|_, _| 0.0),
         sampling_priority: None,
         summary: crate::Summary::default(),
     };
-    let estimate = relative_error(&denoised);
+    let estimate = relative_error(&denoised).unwrap();
     assert!(estimate.data().iter().all(|e| (e - 0.01).abs() < 1e-6), "0.001 / (0.3² + 0.01)");
     assert!((mean_error(&estimate) - 0.01).abs() < 1e-6);
 }

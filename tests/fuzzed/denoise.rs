@@ -174,7 +174,10 @@ pub fn survives(bytes: &[u8]) {
     assert!(result.color.iter().all(finite), "colour");
     assert!(result.aovs.len() == frame.aovs().len(), "number of AOVs");
     assert!(result.aovs.iter().flat_map(|aov| &aov.color).all(finite), "AOV");
-    assert!(finite(&result.mse) && result.mse.data().iter().all(|v| *v >= 0.0), "estimated error");
+    assert!(
+        result.mse.iter().all(|mse| finite(mse) && mse.data().iter().all(|v| *v >= 0.0)),
+        "estimated error"
+    );
     let order = |v: &f32| (0.0..=3.01).contains(v);
     assert!(finite(&result.order) && result.order.data().iter().all(order), "order");
 }

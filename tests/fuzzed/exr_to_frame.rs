@@ -15,7 +15,7 @@ pub fn read_and_write(bytes: &[u8], folder: &Path) -> Result<()> {
     drop(read_rgb(&path));
     let picture = Picture::read(&path, &ReadOptions::default())?;
     let color = picture.frame().color().clone();
-    let (mse, order) = (color[0].clone(), color[1].clone());
+    let (mse, order) = (Some(color[0].clone()), color[1].clone());
     let denoised =
         Denoised { color, aovs: vec![], mse, order, sampling_priority: None, summary: Summary::default() };
     picture.write(folder.join("out.exr"), &denoised, true)?;

@@ -155,13 +155,12 @@ impl Trial<'_> {
             processor_seconds = [processor_seconds, spent].into_iter().flatten().reduce(f64::min);
         }
         let denoised = denoised.expect("every setting runs at least once");
-        let estimated = denoised.has_estimate(); // not all methods do
-        let calibrate = || metrics::calibration(&denoised.mse, &denoised.color, self.reference);
-        let calibration = estimated.then(calibrate).transpose()?;
+        let calibrate = |mse| metrics::calibration(mse, &denoised.color, self.reference);
+        let calibration = denoised.mse.as_ref().map(calibrate).transpose()?;
         self.look(&variant.name, &denoised.color, layers)?;
-        let estimate = metrics::relative_mean(&denoised.mse, self.reference);
         let mut add = |what: &str, png| layers.push(Layer { name: format!("{}: {what}", variant.name), png });
-        if estimated {
+        if let Some(mse) = &denoised.mse {
+            let estimate = metrics::relative_mean(mse, self.reference);
             add("estimated error", png::heat_maps(&[&estimate])?);
         }
         if variant.denoiser.pipeline().is_some() {

@@ -92,7 +92,8 @@ pub struct Arguments {
     /// place, that it has denoised already. With --skip-existing: do again what was made by other options.
     #[arg(long)]
     pub overwrite: bool,
-    /// Add the layers apr.mse (estimated squared error) and apr.order (polynomial order).
+    /// Add the layers apr.mse (estimated squared error, where the method has an estimate) and apr.order (polynomial
+    /// order).
     #[arg(long)]
     pub aux: bool,
     /// Write the density of samples that the next pass of the renderer should have (EXR, one float channel

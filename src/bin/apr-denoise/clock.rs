@@ -78,24 +78,11 @@ impl Running {
 
 impl Observer for Clock<'_> {
     fn stage(&self, stage: Stage) {
-        self.begin(&name(stage));
+        self.begin(&stage.to_string());
     }
 
     fn progress(&self, done: f32) {
         self.progress.share(done);
-    }
-}
-
-/// A stage's name in reports and on the progress bar.
-pub fn name(stage: Stage) -> String {
-    match stage {
-        Stage::Sanitize => "sanitize".to_owned(),
-        Stage::Outliers => "outliers".to_owned(),
-        Stage::Prefilter => "prefilter".to_owned(),
-        Stage::Noise => "noise".to_owned(),
-        Stage::Coarse => "coarse".to_owned(),
-        Stage::Fit(n) => format!("fit {n}"),
-        Stage::Energy => "energy".to_owned(),
     }
 }
 

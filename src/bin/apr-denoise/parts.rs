@@ -142,7 +142,7 @@ impl Input {
             }
         };
         let mut error = ErrorSums::default();
-        error.add(input.as_ref(), Rect::whole(denoised.mse.size()), &denoised);
+        error.add(input.as_ref(), Rect::whole(denoised.color[0].size()), &denoised);
         Ok((used, Output { denoised, error, parts: 1 }))
     }
 }

@@ -9,7 +9,7 @@ use apr::{Denoised, Frame, Options, Summary};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::clock::{Cost, name};
+use crate::clock::Cost;
 use crate::inspect::{sum_line, wanting};
 use crate::parts::{Output, Used};
 use crate::plan::Job;
@@ -92,7 +92,7 @@ impl<'a> Report<'a> {
             stages: stages.into_iter().filter(ran).collect(),
             skipped,
             summary: &denoised.summary,
-            estimated_error: output.error.mean(denoiser.has_estimate(denoised)),
+            estimated_error: output.error.mean(),
             sums: used.sums(denoised),
             sampling,
             notes,
@@ -172,7 +172,7 @@ fn skipped(layout: &Layout, options: &Options, summary: &Summary) -> Vec<Skipped
     let fits = (1..=options.stages.len()).map(Stage::Fit);
     let before = [Stage::Sanitize, Stage::Outliers, Stage::Prefilter, Stage::Coarse];
     let stages = before.into_iter().chain(fits).chain([Stage::Energy]);
-    stages.filter_map(|stage| Some(Skipped { stage: name(stage), reason: reason(stage)? })).collect()
+    stages.filter_map(|stage| Some(Skipped { stage: stage.to_string(), reason: reason(stage)? })).collect()
 }
 
 /// The estimated errors of the pixels so far, as they are and relative.
@@ -230,11 +230,13 @@ impl ErrorSums {
         let add = |means: &mut [Mean; 2], errors: [f64; 2]| {
             means.iter_mut().zip(errors).for_each(|(mean, error)| mean.add(error));
         };
-        for (x, &after) in denoised.mse.row(y).iter().enumerate() {
+        for x in 0..denoised.color[0].width() {
             let light =
                 denoised.color.each_ref().map(|plane| f64::from(plane.get(x, y)).powi(2) + REL_MSE_EPSILON);
-            let after = f64::from(after);
-            add(&mut sums.after, [after, after / mean(light)]);
+            if let Some(mse) = &denoised.mse {
+                let after = f64::from(mse.get(x, y));
+                add(&mut sums.after, [after, after / mean(light)]);
+            }
             if let Some(input) = input {
                 let errors = input.map(|row| f64::from(row[x]));
                 let relative = std::array::from_fn(|c| errors[c] / light[c]);
@@ -244,10 +246,10 @@ impl ErrorSums {
         sums
     }
 
-    /// The means; of the result where it has an estimate.
-    pub fn mean(&self, has_estimate: bool) -> EstimatedError {
+    /// The means.
+    pub fn mean(&self) -> EstimatedError {
         let [mse_before, relative_before] = self.before.map(Mean::value);
-        let [mse_after, relative_after] = self.after.map(|mean| mean.value().filter(|_| has_estimate));
+        let [mse_after, relative_after] = self.after.map(Mean::value);
         EstimatedError { mse_before, mse_after, relative_before, relative_after }
     }
 }

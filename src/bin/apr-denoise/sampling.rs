@@ -51,7 +51,7 @@ impl Sampling {
             return Ok(None);
         }
         let frame: &Frame = picture.frame();
-        let error = denoiser.has_estimate(denoised).then(|| relative_error(denoised));
+        let error = relative_error(denoised);
         let mut told = Self {
             estimated_error: error.as_ref().map(mean_error),
             target_error: target,

@@ -125,7 +125,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
         features: &case.features,
         spreads: &[],
     };
-    let guides = Guides::default().turned_to([&KERNEL], guided, &options);
+    let guides = Guides::default().turned_to([&KERNEL], guided, &options, None);
     let noise = sum_of_channels(&case.variance);
     let pilot = Pilot { color: case.pilot.clone(), certain: mean_of_channels(&case.pilot) };
     let problem = Problem {
