@@ -87,9 +87,9 @@ pub fn largest<S: Simd>(simd: S, column: &[f32]) -> f32 {
     simd.reduce_max_f32s(S::as_simd_f32s(column).0.iter().fold(simd.splat_f32s(0.0), largest))
 }
 
-/// Multiplies `column` by the power of two that brings the largest value of any weight to about 1.
+/// Multiplies `column` by the power of two that brings the largest value of any weight to about 1, and returns it.
 #[inline(always)]
-pub fn level<S: Simd>(simd: S, column: &mut [f32], weights: &[f32]) {
+pub fn level<S: Simd>(simd: S, column: &mut [f32], weights: &[f32]) -> f32 {
     let column = S::as_mut_simd_f32s(column).0;
     let (none, mut largest) = (simd.splat_f32s(0.0), simd.splat_f32s(0.0));
     for (&x, &w) in column.iter().zip(S::as_simd_f32s(weights).0) {
@@ -97,8 +97,9 @@ pub fn level<S: Simd>(simd: S, column: &mut [f32], weights: &[f32]) {
         largest = simd.max_f32s(value, largest);
     }
     let scale = power_of_two_near_inverse(simd.reduce_max_f32s(largest)).min(LARGEST_SCALE);
-    let scale = simd.splat_f32s(scale);
-    column.iter_mut().for_each(|x| *x = simd.mul_f32s(*x, scale));
+    let all = simd.splat_f32s(scale);
+    column.iter_mut().for_each(|x| *x = simd.mul_f32s(*x, all));
+    scale
 }
 
 /// 2^−e for a value of 2^e to 2^(e+1), without leaving the normal numbers; 1 for 0.
@@ -127,7 +128,7 @@ mod tests {
         assert_eq!(column[2] - column[0], 4.0);
         assert_eq!(column[4], -mean, "without weight, and so without meaning");
         column[..4].copy_from_slice(&[3e-20, -1e-20, 0.0, 1.0]);
-        level(pulp::Scalar, &mut column, &weights);
+        assert_eq!(level(pulp::Scalar, &mut column, &weights), LARGEST_SCALE);
         assert_eq!(column[0], 3e-20 * LARGEST_SCALE);
         assert!(column[3].is_finite());
     }

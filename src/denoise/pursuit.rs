@@ -12,7 +12,6 @@
 //! or the energy alone, instead: the same within ×0.003. Position before features: ×0.996, ×0.984, ×0.995 (relMSE); behind it,
 //! with its squares and cubes: ×1.008, ×0.984, ×1.000.
 
-use super::fit::PIVOT_THRESHOLD;
 use super::gram::Gram;
 use std::ops::Range;
 
@@ -68,17 +67,19 @@ impl Pursuit {
         self.pivot[column] = 0.0;
     }
 
-    /// The column whose turn it is.
+    /// The column whose turn it is: one whose pivot is above its `floor`.
     #[inline(always)]
-    pub fn next(&mut self) -> Option<usize> {
+    pub fn next(&mut self, floor: &[f64]) -> Option<usize> {
         let [red, green, blue] = &self.light;
         self.worth.clear();
-        self.worth.extend(red.iter().zip(green).zip(blue).zip(self.noise.iter().zip(&self.pivot)).map(
-            |(((r, g), b), (noise, pivot))| {
-                let beyond = r * r + g * g + b * b - MARGIN * noise;
-                if *pivot > PIVOT_THRESHOLD { beyond / pivot } else { 0.0 }
-            },
-        ));
+        self.worth.extend(
+            red.iter().zip(green).zip(blue).zip(self.noise.iter().zip(self.pivot.iter().zip(floor))).map(
+                |(((r, g), b), (noise, (pivot, floor)))| {
+                    let beyond = r * r + g * g + b * b - MARGIN * noise;
+                    if *pivot > *floor { beyond / pivot } else { 0.0 }
+                },
+            ),
+        );
         let mut most = (0.0, None);
         for (column, worth) in self.worth.iter().enumerate() {
             if *worth > most.0 {
@@ -118,7 +119,7 @@ mod tests {
 
     fn pursued(columns: &[Vec<f32>], noise: f32) -> Factor {
         let mut factor = Factor::default();
-        factor.pursue(&gram(columns, noise), 5, CHANNELS, 0..CHANNELS);
+        factor.pursue(&gram(columns, noise), &[0.0; 5], CHANNELS, 0..CHANNELS);
         factor
     }
 
@@ -178,7 +179,7 @@ mod tests {
     fn whatever_the_order_the_whole_model_is_one() {
         let columns = columns([1.0, -0.5, 2.0, 0.25]);
         let mut nested = Factor::default();
-        nested.factorise(&gram(&columns, 1e-6), 5, CHANNELS);
+        nested.factorise(&gram(&columns, 1e-6), &[0.0; 5], CHANNELS);
         for factor in [&mut nested, &mut pursued(&columns, 1e-6)] {
             factor.solve(1, &[1.0; 5]);
             for (beta, share) in factor.beta(0).iter().zip([0.0, 1.0, -0.5, 2.0, 0.25]) {

@@ -128,6 +128,7 @@ impl<'a> Fits<'a> {
             noise: &self.noise,
             pilot: pilot.as_ref(),
             features: &signal.design.planes,
+            feature_noise: &signal.design.noise,
             guides: &self.guides,
             albedo: signal.design.albedo.as_ref(),
             beside: &self.beside,

@@ -30,6 +30,8 @@ pub struct Problem<'a> {
     pub pilot: Option<&'a Pilot>,
     /// Feature planes.
     pub features: &'a [Plane],
+    /// The variance of what is left of their noise, of those whose columns are held against it.
+    pub feature_noise: &'a [Option<Plane>],
     /// What the stage's kernels compare.
     pub guides: &'a Guides,
     /// Albedo plus its floor, for demodulated kernels.
@@ -72,6 +74,8 @@ pub struct Solver<'a> {
     weights: Vec<f32>,
     weighted_noise: Vec<f32>,
     noise: Vec<f32>,
+    /// Σ w σ² of every column of the design, 0 where it is not known.
+    column_noise: Vec<f64>,
     /// The design's columns, the targets', the pilot's.
     columns: Vec<f32>,
     /// What the right-hand sides were multiplied by.
@@ -114,6 +118,7 @@ impl<'a> Solver<'a> {
             weights: vec![],
             weighted_noise: vec![],
             noise: vec![],
+            column_noise: vec![],
             columns: vec![],
             scales: vec![],
             means: vec![],
@@ -172,7 +177,7 @@ impl<'a> Solver<'a> {
         self.gather(window, albedo);
         let scale = self.scale_radiance(simd);
         self.trust_samples(simd, scale);
-        self.condition(simd);
+        self.condition(simd, window);
         scale
     }
 
@@ -193,9 +198,9 @@ impl<'a> Solver<'a> {
         accumulate(columns, &mut self.gram);
         let Problem { pilot, options, targets, .. } = self.problem;
         if risk::shrinks(options.order_choice, pilot.is_some()) {
-            self.factor.pursue(&self.gram, p, r, targets.len()..r);
+            self.factor.pursue(&self.gram, &self.column_noise, r, targets.len()..r);
         } else {
-            self.factor.factorise(&self.gram, p, r);
+            self.factor.factorise(&self.gram, &self.column_noise, r);
         }
     }
 
@@ -335,17 +340,24 @@ impl<'a> Solver<'a> {
         self.weighted_noise.extend(self.weights.iter().zip(&self.noise).map(|(w, v)| w * v));
     }
 
-    /// Centres all columns but the constant, and levels the features' (see [`condition`]).
+    /// Centres all columns but the constant, and levels the features' (see [`condition`]), whose noise is taken for that
+    /// of the window's centre.
     #[inline(always)]
-    fn condition<S: Simd>(&mut self, simd: S) {
+    fn condition<S: Simd>(&mut self, simd: S, window: &Window) {
         let (p, features) = (self.problem.basis.columns(), self.problem.features.len());
         let stride = self.samples.stride();
         self.means.clear();
+        self.column_noise.clear();
+        self.column_noise.resize(p, 0.0);
         let total = condition::total(simd, &self.weights);
         for (j, column) in self.columns.chunks_exact_mut(stride).enumerate().skip(1) {
             let mean = condition::centre(simd, column, &self.weights, total);
             if j <= features {
-                condition::level(simd, column, &self.weights);
+                let scale = f64::from(condition::level(simd, column, &self.weights));
+                if let Some(noise) = &self.problem.feature_noise[j - 1] {
+                    let noise = f64::from(noise.get(window.cx, window.cy));
+                    self.column_noise[j] = noise * scale * scale * f64::from(total);
+                }
             } else if j >= p {
                 self.means.push(mean);
             }

@@ -98,6 +98,8 @@ struct Solver<'a> {
     gram: Gram,
     factor: Factor,
     keep: Vec<f64>,
+    /// It does not ask for the features' own noise.
+    column_noise: Vec<f64>,
     predicted: Vec<f32>,
 }
 
@@ -131,6 +133,7 @@ impl<'a> Solver<'a> {
             gram: Gram::default(),
             factor: Factor::default(),
             keep: vec![1.0; POSITION + problem.features.len()],
+            column_noise: vec![0.0; POSITION + problem.features.len()],
             predicted: vec![],
         }
     }
@@ -234,7 +237,7 @@ impl<'a> Solver<'a> {
             weighted_noise: &self.silence,
         };
         gram::accumulate(self.arch, columns, &mut self.gram);
-        self.factor.factorise(&self.gram, p, r);
+        self.factor.factorise(&self.gram, &self.column_noise, r);
     }
 
     /// Adds the weighted predictions of all of the window's pixels.

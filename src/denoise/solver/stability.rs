@@ -134,6 +134,7 @@ fn compare(case: &Case, with_pilot: bool, tiers: &[(&'static str, Tier)]) -> Out
         noise: &noise,
         pilot: with_pilot.then_some(&pilot),
         features: &case.features,
+        feature_noise: &vec![None; case.features.len()],
         guides: &guides,
         albedo: None,
         beside: &[],
