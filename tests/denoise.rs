@@ -75,6 +75,39 @@ fn noise_falls_by_much_and_the_estimated_error_is_of_the_true_ones_size() {
     assert!((0.5..10.0).contains(&(estimate / error)), "estimated {estimate}, true {error}");
 }
 
+/// Of a row of pixels that the rim of a lamp goes through, samples tell both how much of a pixel the lamp takes and how
+/// deep it is: on a slope the one's noise is the other's.
+#[test]
+fn the_rim_of_a_lamp_does_not_keep_the_noise_that_its_depth_shares() {
+    const RIM: usize = 20;
+    const SAMPLES: usize = 16;
+    let mut random = Random(5);
+    // Where a pixel's samples fall, from its upper edge.
+    let heights: Vec<[f32; SAMPLES]> =
+        (0..SIZE.0 * SIZE.1).map(|_| std::array::from_fn(|_| random.next() + 0.5)).collect();
+    let moments = |x: usize, y: usize, of: &dyn Fn(f32) -> f32| {
+        let values = heights[y * SIZE.0 + x].map(|height| of(y as f32 + height));
+        let mean = values.iter().sum::<f32>() / SAMPLES as f32;
+        let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>();
+        (mean, square / (SAMPLES * (SAMPLES - 1)) as f32)
+    };
+    let light = |height: f32| if height < RIM as f32 + 0.3 { 10.0 } else { 0.1 };
+    let depth = |height: f32| 4.0 + 0.1 * height;
+    let feature = Feature::new("depth", FeatureKind::Depth, vec![plane(|x, y| moments(x, y, &depth).0)])
+        .with_variance_of_mean(vec![plane(|x, y| moments(x, y, &depth).1)]);
+    let frame = Frame::new(rgb(|_, x, y| moments(x, y, &light).0))
+        .and_then(|frame| frame.with_variance_of_mean(rgb(|_, x, y| moments(x, y, &light).1)))
+        .and_then(|frame| frame.with_feature(feature))
+        .unwrap();
+    let rim = |picture: &Rgb| {
+        let row = &picture[1].row(RIM)[8..SIZE.0 - 8];
+        row.iter().map(|v| f64::from(v - 3.07).powi(2)).sum::<f64>() / row.len() as f64
+    };
+    let denoised = denoise(&frame, &Options::default()).unwrap();
+    let (before, after) = (rim(frame.color()), rim(&denoised.color));
+    assert!(after < 0.15 * before, "{after} of {before}");
+}
+
 #[test]
 fn every_way_of_choosing_the_order_denoises() {
     for order_choice in [OrderChoice::Hard, OrderChoice::Soft, OrderChoice::Shrink, OrderChoice::Residual] {

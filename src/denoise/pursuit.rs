@@ -149,6 +149,21 @@ mod tests {
     }
 
     #[test]
+    fn what_is_little_but_its_own_noise_has_no_turn() {
+        let columns = columns([3.0, 0.0, 1.0, 0.5]);
+        let gram = gram(&columns, 1e-6);
+        let energy = f64::from(gram.a[columns.len() + 1]);
+        for (share, left_out) in [(0.0, false), (0.05, false), (0.3, true)] {
+            let noise = [0.0, share * energy, 0.0, 0.0, 0.0];
+            let (mut pursued, mut nested) = (Factor::default(), Factor::default());
+            pursued.pursue(&gram, &noise, CHANNELS, 0..CHANNELS);
+            nested.factorise(&gram, &noise, CHANNELS);
+            assert_eq!(pursued.order().contains(&1), !left_out, "{share}");
+            assert_eq!(nested.z(0)[1] == 0.0, left_out, "{share}");
+        }
+    }
+
+    #[test]
     fn the_components_hold_all_the_light_and_their_noise() {
         let columns = columns([1.0, -0.5, 2.0, 0.25]);
         let factor = pursued(&columns, 0.01);
