@@ -18,11 +18,12 @@ use super::evidence::Tally;
 use super::layers::{Channel, Layer, buffer_prefix, stem};
 use super::layout::{FileLayout, Layout, RoleLayout};
 use super::mapping::{Mapping, Target, find, target};
+use super::named::Named;
 use super::picture::ReadOptions;
 use super::places::is_same_file;
-use super::recognize::{detect, layers, samples_in};
+use super::recognize::{layers, samples_in};
 use super::region::{numbers, told};
-use super::roles::{Candidate, Casting, Choice, has_variance, settle};
+use super::roles::{Candidate, Choice, has_variance, settle};
 use super::siblings::{buffers_beside, is_buffer};
 use super::statistics::Statistics;
 use super::sums::{Deviation, Differences};
@@ -74,13 +75,11 @@ impl Source {
     /// As [`Picture::read`](super::Picture::read).
     pub(super) fn open(path: &Path, options: &ReadOptions, hold: Hold) -> Result<(Self, Option<Held>)> {
         let documents = open_all(path, options)?;
-        let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
-        let layers = layers(&documents, one_file_per_buffer);
-        let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
+        let layers = layers_of(&documents, options.profile);
         let mapped = mapped_choices(options, &documents, &layers)?;
-        let casting = Casting::new(&layers, renderer, &mapped);
-        let color = casting.color().ok_or_else(|| no_color(&layers, "color"))?;
-        let beauty = casting.beauty(&color);
+        let named = Named::new(&documents, &layers, &mapped, options.profile)?;
+        let Named { renderer, casting, color, beauty, .. } = &named;
+        let renderer = *renderer;
         let part = beauty[0].at.part;
         match hold {
             Hold::Blocks(room) => {
@@ -92,7 +91,7 @@ impl Source {
             }
             Hold::Planes => {}
         }
-        let mut candidates = casting.candidates(&color);
+        let mut candidates = casting.candidates(color);
         let is_motion = |found: &Candidate| matches!(found.mean.target.role, Role::Motion(_));
         let mut useful =
             files_of(candidates.iter().filter(|found| is_motion(found)).map(|found| &found.mean));
@@ -101,14 +100,12 @@ impl Source {
         let color_part = color.mean.channels[0].at.part;
         let header = &documents[0].headers()[color_part];
         let window = header.data_window();
-        let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;
-        let components = |names: &[String]| Asked::find(names, &casting, renderer, &color, &beauty, writable);
-        let asked = components(&options.aovs)?;
+        let asked = named.components(&options.aovs)?;
 
-        let wanted = wanted(&color, &candidates, &asked);
+        let wanted = wanted(color, &candidates, &asked);
         let pixels = Pixels::new(&documents, color_part, (hold == Hold::Planes).then_some(&wanted))?;
-        let (seen, statistics) = pixels.seen(&color, &candidates, &wanted)?;
-        let mut cast = settle(&color, &candidates, &seen);
+        let (seen, statistics) = pixels.seen(color, &candidates, &wanted)?;
+        let mut cast = settle(color, &candidates, &seen);
         let sums = asked.settle(&mut cast, |total, addends| pixels.deviation(total, addends))?;
         let held = pixels.held;
 
@@ -126,12 +123,12 @@ impl Source {
             let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
         }
-        note_other_colors(&casting.other_colors(&color), &mut remarks);
+        note_other_colors(&casting.other_colors(color), &mut remarks);
         remarks.notes.extend(Asked::note(&sums, &options.aovs));
         if options.aovs.is_empty() {
             let used: BTreeSet<Channel> =
                 cast.choices.iter().flat_map(|choice| choice.channels.clone()).collect();
-            note_components(&components(&["auto".to_owned()])?.automatic(&used), &mut remarks);
+            note_components(&named.components(&["auto".to_owned()])?.automatic(&used), &mut remarks);
         }
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
@@ -152,7 +149,7 @@ impl Source {
         let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
         let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
         let aovs = components.map(|choice| places(&choice.channels)).collect();
-        let (beauty, choices) = (places(&beauty), cast.choices);
+        let (beauty, choices) = (places(beauty), cast.choices);
         let mut source = Self { documents, beauty, aovs, sums, window, layout, choices, statistics, given };
         source.note_variances()?;
         Ok((source, held))
@@ -348,7 +345,12 @@ pub(super) fn open_all(path: &Path, options: &ReadOptions) -> Result<Vec<Documen
     Ok(documents)
 }
 
-fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
+/// The layers of these files, of a renderer that may be given.
+pub(super) fn layers_of(documents: &[Document], profile: Option<Renderer>) -> Vec<Layer> {
+    layers(documents, profile.filter(|renderer| renderer.writes_one_file_per_buffer()))
+}
+
+pub(super) fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
     let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
     let mappings = options.map.iter().chain(&options.features);
     let mut choices: Vec<Choice> = Vec::new();
