@@ -445,7 +445,8 @@ fn every_eye_is_denoised_once_in_its_own_place() {
     let file = folder.path().join("stereo.exr");
     let eye = |name| {
         let names = ["R", "G", "B", "lamp.R", "lamp.G", "lamp.B"];
-        let mut part = layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names));
+        let mut part =
+            layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names));
         part.attributes.view_name = Some(Text::from(name));
         part
     };

@@ -350,7 +350,11 @@ pub(super) fn layers_of(documents: &[Document], profile: Option<Renderer>) -> Ve
     layers(documents, profile.filter(|renderer| renderer.writes_one_file_per_buffer()))
 }
 
-pub(super) fn mapped_choices(options: &ReadOptions, documents: &[Document], layers: &[Layer]) -> Result<Vec<Choice>> {
+pub(super) fn mapped_choices(
+    options: &ReadOptions,
+    documents: &[Document],
+    layers: &[Layer],
+) -> Result<Vec<Choice>> {
     let further: Vec<String> = options.features.iter().map(|feature| feature.name.clone()).collect();
     let mappings = options.map.iter().chain(&options.features);
     let mut choices: Vec<Choice> = Vec::new();
