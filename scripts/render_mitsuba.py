@@ -147,6 +147,20 @@ def add_reference(renderer, folder, spp, seed, log=print):
     write_exr(folder / "ref.exr", channels, {"samplesPerPixel": int(sum(counts))})
 
 
+def render(name, scene, out, size, counts, reference_spp, seed=0):
+    """Noisy pictures of so many samples, and the reference, in the folder OUT/NAME."""
+    folder = out / name
+    folder.mkdir(parents=True, exist_ok=True)
+    renderer = Renderer(scene, *size)
+    for i, spp in enumerate(counts):
+        began = time.monotonic()
+        channels = renderer.noisy(spp, seed * 1000 + i + 1)
+        write_exr(folder / f"spp{spp}.exr", channels, {"samplesPerPixel": spp})
+        print(f"{name}: {spp} samples, {time.monotonic() - began:.1f} s", flush=True)
+    if reference_spp:
+        add_reference(renderer, folder, reference_spp, seed)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene")
@@ -163,16 +177,8 @@ def main():
     from mitsuba_scenes import SCENES
 
     width, height = map(int, options.size.split("x"))
-    folder = options.out / options.scene
-    folder.mkdir(parents=True, exist_ok=True)
-    renderer = Renderer(SCENES[options.scene](), width, height)
-    for i, spp in enumerate(int(s) for s in options.spp.split(",") if s):
-        began = time.monotonic()
-        channels = renderer.noisy(spp, options.seed * 1000 + i + 1)
-        write_exr(folder / f"spp{spp}.exr", channels, {"samplesPerPixel": spp})
-        print(f"{options.scene}: {spp} samples, {time.monotonic() - began:.1f} s", flush=True)
-    if options.reference:
-        add_reference(renderer, folder, options.reference, options.seed)
+    counts = [int(spp) for spp in options.spp.split(",") if spp]
+    render(options.scene, SCENES[options.scene](), options.out, (width, height), counts, options.reference, options.seed)
 
 
 if __name__ == "__main__":

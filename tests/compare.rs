@@ -274,6 +274,26 @@ fn the_references_own_noise_is_taken_off() {
     }
 }
 
+/// Also where its halves tell its noise, and where all of a channel is broken.
+#[test]
+fn a_broken_reference_is_refused_with_its_noise_too() {
+    let folder = folder("broken_reference");
+    let flat = |value: f32| -> Rgb { std::array::from_fn(|_| Plane::filled(7, 5, value)) };
+    let write = |name: &str, frame: Frame| {
+        let path = folder.join(name);
+        apr::io::write_frame(&path, &frame, &Default::default()).unwrap();
+        path
+    };
+    let result = write("result.exr", Frame::new(flat(1.0)).unwrap());
+    let [red, _, blue] = flat(1.0);
+    let color = [red, Plane::filled(7, 5, f32::NAN), blue];
+    let reference =
+        write("ref.exr", Frame::new(color).unwrap().with_halves([flat(1.25), flat(0.75)]).unwrap());
+    let (code, said, _) = told(&compare(&[&result, &reference]));
+    assert_eq!(code, Some(4), "{said}");
+    assert!(said.contains("ref.exr: channel 'G': the reference is NaN at pixel (0, 0)"), "{said}");
+}
+
 /// Of a file with several view layers one is compared, and which could have been is told.
 #[test]
 fn other_pictures_of_a_file_are_told() {

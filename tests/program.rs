@@ -438,6 +438,36 @@ fn what_a_file_of_results_still_has_of_noise_is_not_told_as_denoised() {
     }
 }
 
+/// Each eye of a stereo file takes its own place once, and so does each with its components.
+#[test]
+fn every_eye_is_denoised_once_in_its_own_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("stereo.exr");
+    let eye = |name| {
+        let names = ["R", "G", "B", "lamp.R", "lamp.G", "lamp.B"];
+        let mut part =
+            layer(Some(name), SIZE, (0, 0), scan_lines(Compression::ZIP16), channels(SIZE, &names));
+        part.attributes.view_name = Some(Text::from(name));
+        part
+    };
+    let window = exr::prelude::IntegerBounds::from_dimensions(SIZE);
+    exr_files::write(&file, window, vec![eye("left"), eye("right")]);
+    let in_place = |options: &[&str]| {
+        let (code, _, said) = run(program().args([&file, &file]).args(["--preset", "fast"]).args(options));
+        (code, said)
+    };
+    for (eye, options) in
+        [("left", &["--map", "color=left"][..]), ("right", &["--map", "color=right", "--aov", "lamp"])]
+    {
+        let (code, said) = in_place(options);
+        assert_eq!(code, 0, "{eye}: {said}");
+        let (code, said) = in_place(options);
+        assert!(code == 4 && said.contains("is denoised already by this program"), "{eye}: {said}");
+    }
+    // By now both are, whatever is asked for besides.
+    assert_eq!(in_place(&["--map", "color=left", "--aov", "lamp"]).0, 4);
+}
+
 /// A result that is denoised again is told, also where it is the other half; going on and merging read results as well
 /// and are no such case.
 #[test]

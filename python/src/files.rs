@@ -29,6 +29,7 @@ pub struct Reading {
     half: Option<PathBuf>,
     further: Vec<PathBuf>,
     aovs: Vec<String>,
+    motion: bool,
 }
 
 impl Reading {
@@ -45,7 +46,7 @@ impl Reading {
             half: self.half,
             with: self.further,
             aovs: self.aovs,
-            motion: false,
+            motion: self.motion,
         })
     }
 }
@@ -93,8 +94,8 @@ fn read(py: Python<'_>, path: &Path, reading: Reading) -> PyResult<Picture> {
 #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
 #[pyfunction]
 #[pyo3(signature = (path, color, *, variance=None, halves=None, albedo=None, normal=None, position=None, depth=None,
-    visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, layers=None, spp=None,
-    seed=None))]
+    visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, motion_previous=None,
+    motion_next=None, layers=None, spp=None, seed=None))]
 pub fn write_exr<'py>(
     py: Python<'py>,
     path: PathBuf,
@@ -110,14 +111,27 @@ pub fn write_exr<'py>(
     feature_variance: Option<&Bound<'py, PyMapping>>,
     feature_halves: Option<&Bound<'py, PyMapping>>,
     aovs: Option<&Bound<'py, PyMapping>>,
+    motion_previous: Option<&Bound<'py, PyAny>>,
+    motion_next: Option<&Bound<'py, PyAny>>,
     layers: Option<&Bound<'py, PyMapping>>,
     spp: Option<f32>,
     seed: Option<u64>,
 ) -> PyResult<()> {
     io::check_ending(&path).map_err(raised)?;
     let surfaces = [albedo, normal, position, depth, visibility];
-    let given =
-        Given { color, variance, halves, surfaces, features, feature_variance, feature_halves, aovs, spp };
+    let motion = [motion_previous, motion_next];
+    let given = Given {
+        color,
+        variance,
+        halves,
+        surfaces,
+        features,
+        feature_variance,
+        feature_halves,
+        aovs,
+        motion,
+        spp,
+    };
     let mut frame = given.frame(|_| ())?;
     for (name, array) in items(layers)? {
         let what = format!("layers['{name}']");

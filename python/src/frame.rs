@@ -1,7 +1,10 @@
 //! Keywords to a frame, and a result to a dictionary.
 
+use std::collections::BTreeMap;
+
 use apr::image::Plane;
-use apr::{Aov, Denoised, Feature, FeatureKind, Frame};
+use apr::io::bound_feature;
+use apr::{Aov, Denoised, Feature, FeatureKind, Frame, Motion};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping, PyTuple};
@@ -24,6 +27,8 @@ pub struct Given<'a, 'py> {
     pub feature_variance: Option<&'a Bound<'py, PyMapping>>,
     pub feature_halves: Option<&'a Bound<'py, PyMapping>>,
     pub aovs: Option<&'a Bound<'py, PyMapping>>,
+    /// Into the frame before and the one after.
+    pub motion: [Option<&'a Bound<'py, PyAny>>; 2],
     pub spp: Option<f32>,
 }
 
@@ -62,6 +67,21 @@ impl<'py> Given<'_, 'py> {
             let color = rgb(&format!("aovs['{name}']"), &array)?;
             frame = frame.with_aov(Aov { name, color }).map_err(raised)?;
         }
+        let vectors = |name: &str, array: &Bound<'py, PyAny>| {
+            let [columns, rows] = planes(name, array)?.try_into().map_err(|other: Vec<Plane>| {
+                PyValueError::new_err(format!(
+                    "{name} has {} channels where 2 were expected: columns to the right, rows down",
+                    other.len()
+                ))
+            })?;
+            Ok::<_, PyErr>([columns, rows])
+        };
+        let [previous, next] = self.motion;
+        let previous = previous.map(|array| vectors("motion_previous", array)).transpose()?;
+        let next = next.map(|array| vectors("motion_next", array)).transpose()?;
+        if previous.is_some() || next.is_some() {
+            frame = frame.with_motion(Motion { previous, next }).map_err(raised)?;
+        }
         if let Some(spp) = self.spp {
             frame = frame.with_spp(samples(spp)?);
         }
@@ -92,6 +112,52 @@ impl<'py> Given<'_, 'py> {
         }
         Ok(all)
     }
+}
+
+/// The frames beside one, as dictionaries of the keywords that `read_exr` gives.
+pub fn beside<'py>(side: &str, frames: Option<Vec<Bound<'py, PyMapping>>>) -> PyResult<Vec<Frame>> {
+    let frames = frames.unwrap_or_default();
+    let read = frames.iter().enumerate().map(|(i, keywords)| {
+        let py = keywords.py();
+        one_beside(keywords).map_err(|error| {
+            let what = format!("{side}[{i}]: {}", error.value(py));
+            PyErr::from_type(error.get_type(py), what)
+        })
+    });
+    read.collect()
+}
+
+fn one_beside(keywords: &Bound<'_, PyMapping>) -> PyResult<Frame> {
+    let mut left: BTreeMap<String, Bound<PyAny>> =
+        items(Some(keywords))?.into_iter().filter(|(_, value)| !value.is_none()).collect();
+    let mut take = |name: &str| left.remove(name);
+    let color = take("color").ok_or_else(|| PyValueError::new_err("there is no color"))?;
+    let (variance, halves, surfaces) = (take("variance"), take("halves"), SURFACES.map(&mut take));
+    let motion = ["motion_previous", "motion_next"].map(&mut take);
+    let spp = take("spp").map(|spp| spp.extract()).transpose()?;
+    let mappings = ["features", "feature_variance", "feature_halves", "aovs"]
+        .map(|name| take(name).map(|given| Ok::<_, PyErr>(given.cast_into::<PyMapping>()?)).transpose());
+    let [features, feature_variance, feature_halves, aovs] = mappings;
+    let (features, feature_variance) = (features?, feature_variance?);
+    let (feature_halves, aovs) = (feature_halves?, aovs?);
+    if let Some(name) = left.keys().next() {
+        return Err(PyValueError::new_err(format!(
+            "'{name}' is no keyword of a frame, as read_exr gives them"
+        )));
+    }
+    let given = Given {
+        color: &color,
+        variance: variance.as_ref(),
+        halves: halves.as_ref(),
+        surfaces,
+        features: features.as_ref(),
+        feature_variance: feature_variance.as_ref(),
+        feature_halves: feature_halves.as_ref(),
+        aovs: aovs.as_ref(),
+        motion: motion.each_ref().map(Option::as_ref),
+        spp,
+    };
+    given.frame(|feature| drop(bound_feature(feature)))
 }
 
 /// Names and values of any mapping, in its order.
@@ -222,6 +288,10 @@ pub fn keywords<'py>(py: Python<'py>, frame: &Frame) -> PyResult<Bound<'py, PyDi
     all.set_item("feature_variance", variances)?;
     all.set_item("feature_halves", halves)?;
     all.set_item("aovs", aovs)?;
+    if let Some(Motion { previous, next }) = frame.motion() {
+        all.set_item("motion_previous", previous.as_ref().map(|vectors| array(vectors)).transpose()?)?;
+        all.set_item("motion_next", next.as_ref().map(|vectors| array(vectors)).transpose()?)?;
+    }
     all.set_item("spp", frame.spp().filter(can_be))?;
     Ok(all)
 }

@@ -7,9 +7,8 @@ mod files;
 mod frame;
 mod threads;
 
-use apr::Options;
-use apr::denoise::denoise_observed;
 use apr::io::bound_feature;
+use apr::{Neighbours, Options, denoise_in_sequence};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -40,6 +39,10 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
 /// feature_variance, feature_halves: statistics of features, by the features' names.
 /// aovs: components of the beauty, height × width × 3, that go through its operator: what sums to ``color``
 ///     sums to the result.
+/// before, after: the frames beside it in a sequence, the nearest first and without gaps, each a dictionary of the
+///     keywords from ``color`` to ``spp``: their samples join this frame's (``--temporal``).
+/// motion_previous, motion_next: where what a pixel shows is in the frame before and the one after, height × width × 2:
+///     columns to the right and rows down from the pixel. Without, surfaces are taken for still.
 /// spp: samples per pixel; ``read_exr`` gives it, and it changes no bit of the result.
 /// preset: fast, balanced, best or published; options: any option by name, dots go into depth.
 /// threads: 1 to 1024, one per core by default; the result does not depend on it.
@@ -55,8 +58,8 @@ fn _apr(m: &Bound<'_, PyModule>) -> PyResult<()> {
 #[expect(clippy::too_many_arguments, reason = "Python's keywords")]
 #[pyfunction]
 #[pyo3(signature = (color, *, variance=None, halves=None, albedo=None, normal=None, position=None, depth=None,
-    visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, spp=None,
-    preset="balanced", options=None, threads=None, progress=None))]
+    visibility=None, features=None, feature_variance=None, feature_halves=None, aovs=None, motion_previous=None,
+    motion_next=None, spp=None, before=None, after=None, preset="balanced", options=None, threads=None, progress=None))]
 fn denoise<'py>(
     py: Python<'py>,
     color: &Bound<'py, PyAny>,
@@ -71,7 +74,11 @@ fn denoise<'py>(
     feature_variance: Option<&Bound<'py, PyMapping>>,
     feature_halves: Option<&Bound<'py, PyMapping>>,
     aovs: Option<&Bound<'py, PyMapping>>,
+    motion_previous: Option<&Bound<'py, PyAny>>,
+    motion_next: Option<&Bound<'py, PyAny>>,
     spp: Option<f32>,
+    before: Option<Vec<Bound<'py, PyMapping>>>,
+    after: Option<Vec<Bound<'py, PyMapping>>>,
     preset: &str,
     options: Option<&Bound<'py, PyMapping>>,
     threads: Option<i64>,
@@ -80,12 +87,26 @@ fn denoise<'py>(
     let options = chosen(preset, options)?;
     let threads = Threads::new(threads)?;
     let surfaces = [albedo, normal, position, depth, visibility];
-    let given =
-        Given { color, variance, halves, surfaces, features, feature_variance, feature_halves, aovs, spp };
+    let motion = [motion_previous, motion_next];
+    let given = Given {
+        color,
+        variance,
+        halves,
+        surfaces,
+        features,
+        feature_variance,
+        feature_halves,
+        aovs,
+        motion,
+        spp,
+    };
     let mut notes = vec![];
     let frame = given.frame(|feature| notes.extend(py.detach(|| bound_feature(feature))))?;
     notes.extend(py.detach(|| other_halves(&frame)));
-    let denoised = threads.run(py, progress, |watch| denoise_observed(frame, &options, watch))?;
+    let (before, after) = (frame::beside("before", before)?, frame::beside("after", after)?);
+    let neighbours = Neighbours { before: before.iter().collect(), after: after.iter().collect() };
+    let denoised =
+        threads.run(py, progress, |watch| denoise_in_sequence(frame, &neighbours, &options, watch))?;
     let result = frame::result(py, denoised)?;
     let summary = result.get_item("summary")?.expect("it has just been put there");
     for note in notes {

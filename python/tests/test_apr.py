@@ -84,6 +84,40 @@ def test_light_groups_two_seeds_and_options_give_the_command_lines_bits(tmp_path
     assert report["sums"][0]["after"]["relative_rms"] < 5e-4
 
 
+def moving(folder, frames=3):
+    """Writes frames of a texture that moves to the right by two columns a frame, as shot.0001.exr and so on."""
+    random = np.random.default_rng(5)
+    texture = random.random((20, 60, 1)).astype(np.float32) + np.zeros(3, np.float32)
+    vectors = lambda columns: np.full((20, 27, 2), [columns, 0], np.float32)
+    for i in range(frames):
+        albedo = texture[:, 10 - 2 * i:37 - 2 * i]
+        noise = 0.2 * albedo * random.standard_normal(albedo.shape).astype(np.float32)
+        apr.write_exr(folder / f"shot.{i + 1:04}.exr", albedo + noise, variance=(0.2 * albedo) ** 2, albedo=albedo,
+                      motion_previous=vectors(-2), motion_next=vectors(2), seed=i)
+    return texture[:, 8:35]
+
+
+def test_frames_beside_give_the_command_lines_bits_and_less_noise(tmp_path):
+    truth = moving(tmp_path)
+    first, frame, last = (apr.read_exr(tmp_path / f"shot.{i:04}.exr", motion=True) for i in (1, 2, 3))
+    assert frame["motion_next"].shape == (20, 27, 2) and "motion_next" not in apr.read_exr(tmp_path / "shot.0002.exr")
+    alone = apr.denoise(**frame)
+    together = apr.denoise(**frame, before=[first], after=[last])
+    error = lambda result: np.square(result["color"] - truth).mean()
+    assert error(together) < 0.8 * error(alone)
+    # The frame comes first: what is beside it is found by its vectors.
+    still = apr.denoise(**{**frame, "motion_previous": None, "motion_next": None}, before=[first], after=[last])
+    assert error(together) < error(still)
+    apr.write_exr(tmp_path / "again.exr", **frame)
+    assert same(apr.read_exr(tmp_path / "again.exr", motion=True)["motion_next"], frame["motion_next"])
+    if not PROGRAM:
+        pytest.skip("APR_DENOISE does not name the command line")
+    outputs = tmp_path / "den.####.exr"
+    command = [PROGRAM, tmp_path / "shot.####.exr", outputs, "--frames", "2", "--temporal", "1", "--quiet"]
+    subprocess.run(list(map(str, command)), check=True)
+    assert same(together["color"], apr.read_exr(tmp_path / "den.0002.exr")["color"])
+
+
 def test_features_keep_their_order_and_so_the_command_lines_bits(tmp_path):
     noisy, _ = picture()
     render = tmp_path / "render.exr"
@@ -214,6 +248,10 @@ def test_a_forked_process_denoises_too(tmp_path):
     (ValueError, r"layers\['d'\].*\(5, 5\).*\(20, 27\)",
      lambda c: apr.write_exr("a.exr", c, layers={"d": np.zeros((5, 5))})),
     (ValueError, "pixel", lambda c: apr.denoise(c[:0])),
+    (ValueError, "motion_next has 3 channels where 2", lambda c: apr.denoise(c, motion_next=c)),
+    (ValueError, r"before\[0\]: there is no color", lambda c: apr.denoise(c, before=[{"albedo": c}])),
+    (ValueError, r"after\[1\]: 'preset'", lambda c: apr.denoise(c, after=[{"color": c}, {"color": c, "preset": "best"}])),
+    (ValueError, r"after\[0\]: variance.*\(19, 27\)", lambda c: apr.denoise(c, after=[{"color": c, "variance": c[1:]}])),
     (TypeError, "complex", lambda c: apr.denoise(c * 1j)),
     (TypeError, "str", lambda c: apr.denoise("render.exr")),
     (TypeError, "pair", lambda c: apr.denoise(c, albedo=c, feature_halves={"albedo": 3})),

@@ -167,9 +167,14 @@ pub(super) fn signature_in(headers: &[Header]) -> Option<String> {
     })
 }
 
-/// Whether the channel of this name holds a result of this program.
-pub(super) fn is_denoised(header: &Header, name: &str) -> bool {
-    denoised(header).contains(name)
+/// Whether the channel at this place holds a result of this program.
+pub(super) fn is_denoised(headers: &[Header], ChannelAt { part, channel }: ChannelAt) -> bool {
+    denoised(&headers[part]).contains(&headers[part].channels.list[channel].name.to_string())
+}
+
+/// Whether the file tells which of its channels hold results.
+pub(super) fn names_results(headers: &[Header]) -> bool {
+    headers.iter().any(|header| header.own_attributes.other.contains_key(&Text::from(DENOISED)))
 }
 
 fn denoised(header: &Header) -> BTreeSet<String> {

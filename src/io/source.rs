@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use exr::meta::attribute::IntegerBounds;
 
 use super::assemble::{Given, Planes, Remarks, assemble};
+use super::by_name::{Named, layers_of};
 use super::channels::{Renderer, Role, UNSURE};
 use super::components::{Asked, Sum};
 use super::decode::ChannelAt;
@@ -21,8 +22,8 @@ use super::names::told_name;
 use super::picture::ReadOptions;
 use super::pixels::{Held, Pixels, bands, bytes_of_row, keep, lines_of_block, part_of, read};
 use super::places::is_same_file;
-use super::recognize::{detect, layers, samples_in};
-use super::roles::{Candidate, Casting, Choice, color_of, has_variance, settle};
+use super::recognize::samples_in;
+use super::roles::{Candidate, Choice, color_of, has_variance, settle};
 use super::siblings::buffers_beside;
 use super::statistics::Statistics;
 use crate::error::{Error, ErrorKind, Result};
@@ -67,13 +68,11 @@ impl Source {
     /// As [`Picture::read`](super::Picture::read).
     pub(super) fn open(path: &Path, options: &ReadOptions, hold: Hold) -> Result<(Self, Option<Held>)> {
         let documents = open_all(path, options)?;
-        let one_file_per_buffer = options.profile.filter(|renderer| renderer.writes_one_file_per_buffer());
-        let layers = layers(&documents, one_file_per_buffer);
-        let renderer = options.profile.unwrap_or_else(|| detect(&documents[0], &layers));
+        let layers = layers_of(&documents, options.profile);
         let mapped = mapped_choices(options, &documents, &layers)?;
-        let casting = Casting::new(&layers, renderer, &mapped);
-        let color = casting.color().ok_or_else(|| no_color(&layers, "color"))?;
-        let beauty = casting.beauty(&color);
+        let named = Named::new(&documents, &layers, &mapped, options.profile)?;
+        let Named { renderer, casting, color, beauty, .. } = &named;
+        let renderer = *renderer;
         let part = beauty[0].at.part;
         match hold {
             Hold::Blocks(room) => {
@@ -85,7 +84,7 @@ impl Source {
             }
             Hold::Planes => {}
         }
-        let mut candidates = casting.candidates(&color);
+        let mut candidates = casting.candidates(color);
         let is_motion = |found: &Candidate| matches!(found.mean.target.role, Role::Motion(_));
         let mut useful =
             files_of(candidates.iter().filter(|found| is_motion(found)).map(|found| &found.mean));
@@ -94,14 +93,12 @@ impl Source {
         let color_part = color.mean.channels[0].at.part;
         let header = &documents[0].headers()[color_part];
         let window = header.data_window();
-        let writable = |channel: &Channel| documents[0].headers()[channel.at.part].data_window() == window;
-        let components = |names: &[String]| Asked::find(names, &casting, renderer, &color, &beauty, writable);
-        let asked = components(&options.aovs)?;
+        let asked = named.components(&options.aovs)?;
 
-        let wanted = wanted(&color, &candidates, &asked);
+        let wanted = wanted(color, &candidates, &asked);
         let pixels = Pixels::new(&documents, color_part, (hold == Hold::Planes).then_some(&wanted))?;
-        let (seen, statistics) = pixels.seen(&color, &candidates, &wanted)?;
-        let mut cast = settle(&color, &candidates, &seen);
+        let (seen, statistics) = pixels.seen(color, &candidates, &wanted)?;
+        let mut cast = settle(color, &candidates, &seen);
         let sums = asked.settle(&mut cast, |total, addends| pixels.deviation(total, addends))?;
         let held = pixels.held;
 
@@ -119,12 +116,12 @@ impl Source {
             let unsure = UNSURE.iter().filter(|(wrote, _)| *wrote == renderer);
             remarks.warnings.extend(unsure.map(|(_, why)| (*why).to_owned()));
         }
-        note_other_colors(&casting.other_colors(&color), &mut remarks);
+        note_other_colors(&casting.other_colors(color), &mut remarks);
         remarks.notes.extend(Asked::note(&sums, &options.aovs));
         if options.aovs.is_empty() {
             let used: BTreeSet<Channel> =
                 cast.choices.iter().flat_map(|choice| choice.channels.clone()).collect();
-            note_components(&components(&["auto".to_owned()])?.automatic(&used), &mut remarks);
+            note_components(&named.components(&["auto".to_owned()])?.automatic(&used), &mut remarks);
         }
         if renderer == Renderer::Plain {
             note_buffers_beside(path, &mut remarks);
@@ -145,7 +142,7 @@ impl Source {
         let places = |channels: &[Channel]| channels.iter().map(|channel| channel.at).collect();
         let components = cast.choices.iter().filter(|choice| choice.target.role == Role::Aov);
         let aovs = components.map(|choice| places(&choice.channels)).collect();
-        let (beauty, choices) = (places(&beauty), cast.choices);
+        let (beauty, choices) = (places(beauty), cast.choices);
         let mut source = Self { documents, beauty, aovs, sums, window, layout, choices, statistics, given };
         source.note_variances()?;
         Ok((source, held))

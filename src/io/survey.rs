@@ -340,11 +340,7 @@ fn foreign(what: String) -> Error {
 /// Tells of a colour that is a result itself: what noise it still has is none that anything here expects.
 fn warn_of_denoised(source: &Source) -> Option<String> {
     let file = &source.documents[0];
-    let is_result = |at: ChannelAt| {
-        let header = &file.headers()[at.part];
-        is_denoised(header, &header.channels.list[at.channel].name.to_string())
-    };
-    source.color().any(is_result).then(|| {
+    source.color().any(|at| is_denoised(file.headers(), at)).then(|| {
         let file = file.path().display();
         format!(
             "{file}: is denoised already, as its attribute {DENOISED} tells: its noise is no longer the render's, so that \

@@ -57,6 +57,7 @@ def _reading(
     half: Path | None,
     further: Sequence[Path] | None,
     aovs: Sequence[str] | None,
+    motion: bool = False,
 ) -> dict[str, Any]:
     if isinstance(aovs, str) or isinstance(further, (str, os.PathLike)):
         raise TypeError("aovs and further are sequences of names, not one name")
@@ -69,6 +70,7 @@ def _reading(
         "half": half,
         "further": list(further or ()),
         "aovs": list(aovs or ()),
+        "motion": motion,
     }
 
 
@@ -83,19 +85,21 @@ def read_exr(
     half: Path | None = None,
     further: Sequence[Path] | None = None,
     aovs: Sequence[str] | None = None,
+    motion: bool = False,
 ) -> dict[str, Any]:
     """Reads a render of any renderer into the keywords of :func:`denoise`.
 
     ``apr.denoise(**apr.read_exr(path))`` gives the command line's bits. The keywords are those of the
     command line: ``profile`` the renderer's name, ``map`` and ``features`` dictionaries of role or name to
     channels (``{"albedo": "diffuse"}``), ``half`` a render of the same frame with another seed, ``further``
-    files with more layers, ``aovs`` components of the beauty to denoise with it (``["auto"]``).
+    files with more layers, ``aovs`` components of the beauty to denoise with it (``["auto"]``). ``motion``
+    asks for motion vectors, of which only frames of a sequence (``before``, ``after``) have a use.
 
     ``apr.write_exr(path, **keywords)`` writes them again. What makes the result worse than it could be is warned of as
     :class:`LayoutWarning`. Raises FileNotFoundError and OSError for files, ValueError where something is lacking or makes
     no sense.
     """
-    reading = _reading(profile, map, features, variance_kind, spp, half, further, aovs)
+    reading = _reading(profile, map, features, variance_kind, spp, half, further, aovs, motion)
     return _apr.read_exr(path, reading)
 
 

@@ -56,8 +56,7 @@ pub fn run(arguments: &CompareArguments) -> Result<String> {
         std::iter::once(&arguments.result).chain(&arguments.more).map(PathBuf::as_path).collect();
     let compared = Compared::new(arguments, &paths)?;
     compared.notes(arguments, &paths).iter().for_each(|note| complain(&format!("note: {note}")));
-    let reference = compared.reference.read(compared.window)?;
-    metrics::finite(&reference, "the reference").map_err(|e| e.in_file(&arguments.reference))?;
+    let (reference, noise) = compared.reference(arguments)?;
     let read = |result: &Beauty| result.read(compared.window);
     let results = compared.results.iter().map(read).collect::<Result<Vec<_>>>()?;
     let scores = paths
@@ -72,7 +71,6 @@ pub fn run(arguments: &CompareArguments) -> Result<String> {
         let pictures: Vec<&Rgb> = results.iter().chain([&reference]).collect();
         io::write_bytes(path, &png::side_by_side(&pictures)?)?;
     }
-    let noise = compared.reference_noise(arguments)?;
     if arguments.json {
         json(arguments, &paths, &compared, &scores, noise)
     } else {
@@ -92,17 +90,23 @@ impl Compared {
         Ok(Self { window, reference, results })
     }
 
-    /// What the reference's own noise adds to relMSE; none where it does not tell, or other pixels or channels are
-    /// compared than it is read by, or it is a result itself, whose noise is no longer what it tells.
-    fn reference_noise(&self, arguments: &CompareArguments) -> Result<Option<f64>> {
+    /// The reference's picture, and what its own noise adds to relMSE: none where it does not tell, or other pixels or
+    /// channels are compared than it is read by, or it is a result itself, whose noise is no longer what it tells.
+    fn reference(&self, arguments: &CompareArguments) -> Result<(Rgb, Option<f64>)> {
+        let path = &arguments.reference;
         let plain = self.window == self.reference.window() && self.reference.noisy().is_empty();
-        let denoised = || io::provenance(&arguments.reference).is_ok_and(|found| found.signature.is_some());
-        if !plain || !arguments.map.is_empty() || denoised() {
-            return Ok(None);
-        }
-        // What is wrong with other channels than the colour's is no hindrance.
-        let picture = Picture::read(&arguments.reference, &ReadOptions::default());
-        picture.map_or(Ok(None), |picture| noise::of(picture.frame()))
+        let denoised = || io::provenance(path).is_ok_and(|found| found.signature.is_some());
+        let tells = plain && arguments.map.is_empty() && !denoised();
+        // What is wrong with other channels than the colour's is no hindrance: then it is read alone.
+        let whole = tells.then(|| Picture::read(path, &ReadOptions::default()).ok()).flatten();
+        let frame = whole.map(|picture| picture.into_frame().1);
+        let color = match &frame {
+            Some(frame) => frame.color().clone(),
+            None => self.reference.read(self.window)?,
+        };
+        metrics::finite(&color, "the reference").map_err(|e| e.in_file(path))?;
+        let noise = frame.as_ref().map_or(Ok(None), noise::of)?;
+        Ok((color, noise))
     }
 
     /// What is compared where that is not plain.

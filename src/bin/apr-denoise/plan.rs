@@ -231,7 +231,7 @@ impl Plan {
         if arguments.overwrite {
             return Ok(());
         }
-        replaced::check(&self.jobs, arguments.sequence_report.as_deref())
+        replaced::check(&self.jobs, arguments)
     }
 
     /// Checks that no result takes the place of its input where that would lose something.

@@ -6,28 +6,32 @@ use std::path::Path;
 use apr::error::{Error, ErrorKind, Result};
 use apr::io::{self, Provenance};
 
+use crate::arguments::Arguments;
 use crate::foreign;
 use crate::frames::FrameSet;
 use crate::plan::Job;
 
 /// Checks that no picture is lost which this program did not write, and that none is denoised in its own place again: a
-/// requeued job would leave frames of two kinds.
+/// requeued job would leave frames of two kinds. What the file holds besides, such as the other eye, is no hindrance.
 ///
 /// # Errors
 /// `Usage` when a result, a sampling map or a report would take its place, `Lacking` when an input is such a result.
-pub fn check(jobs: &[Job], sequence_report: Option<&Path>) -> Result<()> {
+pub fn check(jobs: &[Job], arguments: &Arguments) -> Result<()> {
     let (in_place, elsewhere): (Vec<&Job>, Vec<&Job>) = jobs.iter().partition(|job| job.is_in_place());
     let inputs = in_place.into_iter().map(|job| (job, job.input.as_path()));
-    // What is cut off is told by whoever reads it.
-    let is_done = |input: &Path| io::provenance(input).is_ok_and(|found| found.whole && is_result(&found));
-    refuse(again, inputs.filter(|(_, input)| is_done(input)))?;
+    let is_done = |(job, input): &(&Job, &Path)| {
+        // What is cut off is told by whoever reads it, and so is what lacks the channels that are asked for.
+        io::provenance(input).is_ok_and(|found| found.whole && is_result(&found))
+            && io::holds_result(input, &arguments.read_options(job)).unwrap_or(false)
+    };
+    refuse(again, inputs.filter(is_done))?;
     let outputs = elsewhere.into_iter().map(|job| (job, job.output.as_path()));
     refuse(lost, outputs.filter(|(_, output)| is_strange(output, is_result)))?;
     let maps = jobs.iter().filter_map(|job| Some((job, job.sampling_map.as_deref()?)));
     refuse(lost, maps.filter(|(_, map)| is_strange(map, is_sampling_map)))?;
     let reports = jobs.iter().filter_map(|job| Some((job, job.report_file()?)));
     refuse(lost, reports.filter(|(_, report)| foreign::is_foreign(report)))?;
-    sequence_report.map_or(Ok(()), foreign::check)
+    arguments.sequence_report.as_deref().map_or(Ok(()), foreign::check)
 }
 
 /// The same of the picture of regions.
